@@ -1,0 +1,119 @@
+//! The list of protocols, and what each of them has to offer.
+
+use crate::event::{Event, Moment};
+use crate::field::{Field, FieldId, Role};
+use crate::finding::{Code, Finding};
+use crate::record::{BusInfo, Output};
+use crate::station::Stations;
+use crate::uart::{Character, Wire};
+use crate::{slin, uart};
+use alloc::{boxed::Box, string::String, vec::Vec};
+
+/// Every protocol that can be spoken on a bus, the most particular first: `auto` takes the first
+/// that the traffic speaks for. A new one is added here and nowhere else.
+pub static PROTOCOLS: [&Protocol; 2] = [&slin::PROTOCOL, &uart::PROTOCOL];
+
+/// One protocol: its tables, and how to make a dissector for it.
+pub struct Protocol {
+    /// Its name on the command line and in records.
+    pub name: &'static str,
+    /// Its name for people.
+    pub title: &'static str,
+    /// The kinds its records can have.
+    pub kinds: &'static [&'static str],
+    /// Its fields. A [`FieldId`] is an index here.
+    pub fields: &'static [Field],
+    /// Its finding codes.
+    pub codes: &'static [&'static Code],
+    /// Whether the first characters of a bus speak for it.
+    pub speaks: fn(&BusInfo, &[Character], Wire, &Settings) -> Speaks,
+    /// Makes a dissector for one bus.
+    pub dissector: fn(Wire, &Settings) -> Box<dyn Dissector>,
+}
+
+impl Protocol {
+    /// The protocol of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Protocol> {
+        PROTOCOLS.into_iter().find(|protocol| protocol.name == name)
+    }
+
+    /// The first field with this role.
+    #[must_use]
+    pub fn field_of(&self, role: Role) -> Option<FieldId> {
+        self.fields.iter().position(|field| field.role == role)
+    }
+}
+
+impl PartialEq for Protocol {
+    fn eq(&self, other: &Self) -> bool {
+        core::ptr::eq(self, other)
+    }
+}
+
+impl core::fmt::Debug for Protocol {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Every finding code of every protocol, in the order of the list.
+pub fn codes() -> impl Iterator<Item = &'static Code> {
+    PROTOCOLS.into_iter().flat_map(|protocol| protocol.codes.iter().copied())
+}
+
+/// What the user decided; everything else is found out.
+#[derive(Clone, Default, Debug)]
+pub struct Settings {
+    /// The protocol, or `None` to find out.
+    pub protocol: Option<&'static Protocol>,
+    /// Rate, format and polarity of serial lines.
+    pub line: uart::LineSettings,
+    /// What is known of SLIN encoders.
+    pub slin: slin::Settings,
+    /// Names and resolutions of stations.
+    pub stations: Stations,
+}
+
+/// Whether traffic speaks for a protocol.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Speaks {
+    /// It does, for this reason.
+    Yes(String),
+    /// It does not.
+    No,
+    /// It does not, and this is to be told at the end of the capture.
+    NoBut(Finding),
+}
+
+/// A dissector: events of one bus in, records out. It is a state machine without a clock: time
+/// passes for it only by the events it is given.
+pub trait Dissector {
+    /// Takes the next event.
+    fn hear(&mut self, bus: &BusInfo, event: Event<'_>, out: &mut Output<'_>);
+
+    /// The capture ended at `end`. What could not be finished by then is told, but not judged.
+    fn finish(&mut self, bus: &BusInfo, end: Moment, out: &mut Output<'_>);
+
+    /// When silence would mean something: an [`Event::Advance`] to later than this brings records.
+    fn deadline(&self) -> Moment;
+
+    /// Takes a finding about the bus as a whole, to be told as an event at the end.
+    fn note(&mut self, finding: Finding);
+
+    /// What it found out on its own, with the evidence.
+    fn conclusions(&self) -> Vec<Conclusion>;
+}
+
+/// Something that was found out instead of being told, and why it is believed.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Conclusion {
+    /// What it is about, such as `checksum`.
+    pub subject: &'static str,
+    /// The station it holds for, or the whole bus.
+    pub station: Option<u16>,
+    /// What was concluded; `None` while undecided.
+    pub value: Option<String>,
+    /// From what, with the counts.
+    pub evidence: String,
+}

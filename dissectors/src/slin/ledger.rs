@@ -1,0 +1,454 @@
+//! From exchanges to records: what is remembered of the bus, and how each exchange is told.
+
+use super::checksum::Rules;
+use super::codes;
+use super::exchange::{Distance, Exchange};
+use super::judge::{Interval, Verdict, expected_checksum, is_noise, is_sound};
+use super::motion::Jump;
+use super::outlet::Outlet;
+use super::profile::{Habits, Window};
+use super::signature::Signature;
+use super::station::Station;
+use super::telegram::{PARTIAL, REQUEST, RESPONSE, STRAY, Telegram};
+use super::word::{ADDRESSES, Address, Footer, MAX_DATA_WORDS, Request};
+use crate::event::Moment;
+use crate::finding::Finding;
+use crate::protocol::Settings;
+use crate::station::Stations;
+use crate::uart::{Character, Wire};
+
+/// Why an exchange is over.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum End<'a> {
+    /// Its footer came.
+    Footer,
+    /// The next request came.
+    Request(&'a Character),
+    /// Nothing came for long enough, or it grew longer than any telegram.
+    Silence,
+    /// The capture, or what could be heard of it, ended.
+    Cut,
+}
+
+/// The last exchange that ended with a footer.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    request: u64,
+    address: Address,
+    last: Character,
+}
+
+/// Everything that is known of a bus beyond the exchange that is under way.
+pub(super) struct Ledger {
+    pub wire: Wire,
+    pub habits: Habits,
+    pub signature: Signature,
+    names: Stations,
+    stations: [Station; ADDRESSES],
+    told: Option<Told>,
+    verdict: Verdict,
+}
+
+impl Ledger {
+    pub fn new(wire: Wire, settings: &Settings) -> Self {
+        let resolution = |address: u16| settings.stations.get(&address)?.resolution;
+        let mut addresses = 0..;
+        Ledger {
+            wire,
+            habits: Habits::new(settings.slin),
+            signature: Signature::default(),
+            names: settings.stations.clone(),
+            stations: core::array::from_fn(|_| Station::new(addresses.next().and_then(resolution))),
+            told: None,
+            verdict: Verdict::default(),
+        }
+    }
+
+    /// Tells an exchange that is over. Returns whether the request that ended it may as well be
+    /// its empty answer.
+    pub fn tell(&mut self, exchange: &Exchange, end: End<'_>, outlet: &mut Outlet<'_, '_>) -> bool {
+        let told = self.told.take();
+        match exchange.request() {
+            Some(request) if exchange.has_answer() => {
+                self.tell_answered(exchange, request, end, outlet);
+                false
+            }
+            Some(request) => self.tell_unanswered(exchange, request, end, outlet),
+            None => {
+                self.tell_unasked(exchange, told, outlet);
+                false
+            }
+        }
+    }
+
+    /// Whether a character right behind the last footer names the same station: then it is a
+    /// second footer, whatever its bits 4 to 6 would mean in a request.
+    pub fn is_second_footer(&self, character: &Character) -> bool {
+        let Some(told) = self.told else { return false };
+        let control = character.byte();
+        let distance = Distance::between(&told.last, character, self.wire);
+        Request::of(control).reserved != 0
+            && told.address == Address::of(control)
+            && distance.is_some_and(Distance::is_close)
+    }
+
+    /// What was lost or broken off leaves no exchange to come back to.
+    pub fn forget_last(&mut self) {
+        self.told = None;
+    }
+
+    fn tell_answered(
+        &mut self,
+        exchange: &Exchange,
+        request: &Character,
+        end: End<'_>,
+        outlet: &mut Outlet<'_, '_>,
+    ) {
+        let asked = Address::of(request.byte());
+        self.verdict.clear();
+        self.judge_request(exchange);
+        let number = self.emit_request(exchange, asked, outlet);
+        if end == End::Cut && exchange.footer().is_none() {
+            self.stations[asked.index()].motion.interrupt();
+            self.tell_partial(exchange, Some((number, asked)), outlet);
+            return;
+        }
+        match self.late_station(exchange, asked) {
+            Some(late) => self.tell_late_answer(exchange, late, outlet),
+            None => self.tell_response(exchange, request, number, asked, outlet),
+        }
+    }
+
+    /// The station that was silent before and that this footer names, if it is not the one asked.
+    fn late_station(&self, exchange: &Exchange, asked: Address) -> Option<Address> {
+        let footer = exchange.footer().filter(|footer| !footer.is_damaged())?;
+        let named = Address::of(footer.byte());
+        (named != asked && self.stations[named.index()].silent > 0).then_some(named)
+    }
+
+    fn tell_response(
+        &mut self,
+        exchange: &Exchange,
+        request: &Character,
+        number: u64,
+        asked: Address,
+        outlet: &mut Outlet<'_, '_>,
+    ) {
+        let response = exchange.response();
+        let address = response.footer.map_or(asked, |footer| footer.address);
+        let expectation = self.habits.of(asked);
+        let taken =
+            exchange.first_word().and_then(|first| Interval::between(request, first, self.wire));
+        let mut telegram = self.telegram_of(exchange);
+        telegram.address = Some(address);
+        telegram.request = Some((number, asked));
+        telegram.response_time = taken.map(|interval| interval.ns);
+
+        self.verdict.clear();
+        self.judge_damage(exchange);
+        self.verdict.judge_words(&response);
+        if let Some(footer) = response.footer {
+            self.verdict.judge_address(footer, asked);
+            let expected = telegram.checksum_expected.unwrap_or(footer.checksum);
+            self.verdict.judge_checksum(response.data, footer, expected);
+        }
+        self.verdict.judge_time(taken, expectation.window, self.wire);
+        self.judge_station(exchange, asked, address);
+        telegram.station = self.names.get(&u16::from(address.get()));
+        let sound = is_sound(exchange, telegram.checksum_expected.unwrap_or_default());
+        let n = outlet.emit(RESPONSE, &self.verdict, &telegram);
+
+        let characters = exchange.characters().len();
+        let is_plausible = response.footer.is_some() && response.data.len() <= MAX_DATA_WORDS;
+        self.signature.explain(if is_plausible { characters } else { 1 });
+        if let Some(last) = exchange.footer() {
+            self.told = Some(Told { request: number, address: asked, last: *last });
+        }
+        let motion = &mut self.stations[asked.index()].motion;
+        match (sound, response.position(), response.footer) {
+            (true, Some(position), Some(footer)) => {
+                let jump = motion.add(position, n);
+                self.signature.complete();
+                self.habits.learn(
+                    asked,
+                    footer.bit3,
+                    Rules::fitting(response.data, footer.checksum),
+                );
+                if let Some(jump) = jump {
+                    self.tell_jump(jump, asked, exchange, outlet);
+                }
+            }
+            _ => motion.interrupt(),
+        }
+    }
+
+    /// What an answer says about its station: that it is there, that its silence is over, that
+    /// there are two of it.
+    fn judge_station(&mut self, exchange: &Exchange, asked: Address, named: Address) {
+        let damaged = exchange.characters()[exchange.answer_begins()..]
+            .iter()
+            .zip(&exchange.parts()[exchange.answer_begins()..])
+            .filter(|(character, part)| character.is_damaged() && !is_noise(character, **part))
+            .count();
+        let others_are_torn = (0..)
+            .zip(&self.stations)
+            .any(|(address, station)| address != asked.get() && station.has_torn_answers());
+        let now = exchange.first_word().map_or(Moment::UNKNOWN, |first| first.start);
+        let station = &mut self.stations[asked.index()];
+        station.remember_damage(damaged >= 2);
+        if !others_are_torn && let Some((torn, answers)) = station.begins_to_look_doubled() {
+            let doubled = Finding::new(&codes::DUPLICATE_ADDRESS)
+                .actual(i64::from(torn))
+                .limit(i64::from(answers));
+            self.verdict.add(doubled);
+        }
+        // Where another station answered, the one that was asked is still to be heard.
+        let answered = if exchange.footer().is_some_and(|footer| !footer.is_damaged()) {
+            named
+        } else {
+            asked
+        };
+        let station = &mut self.stations[answered.index()];
+        if let Some(over) = station.end_silence(now) {
+            self.verdict.add(over);
+        }
+        station.is_heard = true;
+    }
+
+    /// Returns whether the request that came instead of an answer may be an empty answer.
+    fn tell_unanswered(
+        &mut self,
+        exchange: &Exchange,
+        request: &Character,
+        end: End<'_>,
+        outlet: &mut Outlet<'_, '_>,
+    ) -> bool {
+        let asked = Address::of(request.byte());
+        let may_be_answered = self.may_be_empty_answer(exchange, request, end);
+        self.verdict.clear();
+        self.judge_request(exchange);
+        self.signature.explain(usize::from(is_plain(request)));
+        let station = &mut self.stations[asked.index()];
+        station.motion.interrupt();
+        if may_be_answered {
+            self.verdict.add(Finding::new(&codes::AMBIGUOUS));
+        } else if end != End::Cut && !exchange.may_be_answer {
+            let asked_until = request.start.plus(self.wire.character_ns().unwrap_or_default());
+            if let Some(finding) = station.miss(asked_until) {
+                self.verdict.add(finding);
+            }
+        }
+        self.emit_request(exchange, asked, outlet);
+        if exchange.characters().len() > 1 {
+            self.tell_stray(exchange, 1, outlet);
+        }
+        may_be_answered
+    }
+
+    /// With bit 3 low, `80 80` may be a request and its answer without data words, if the second
+    /// begins where an answer may.
+    fn may_be_empty_answer(&self, exchange: &Exchange, request: &Character, end: End<'_>) -> bool {
+        let End::Request(next) = end else { return false };
+        let same = next.byte() == request.byte() && is_plain(request) && !next.is_damaged();
+        let expectation = self.habits.of(Address::of(request.byte()));
+        let in_time = Interval::between(request, next, self.wire)
+            .is_none_or(|interval| interval.may_lie_in(Window::TR, self.wire));
+        same && expectation.bit3 != Some(true) && in_time && !exchange.may_be_answer
+    }
+
+    fn tell_unasked(
+        &mut self,
+        exchange: &Exchange,
+        told: Option<Told>,
+        outlet: &mut Outlet<'_, '_>,
+    ) {
+        if exchange.is_beginning {
+            self.tell_partial(exchange, None, outlet);
+            return;
+        }
+        let named = exchange.footer().filter(|footer| !footer.is_damaged());
+        let Some(address) = named.map(|footer| Address::of(footer.byte())) else {
+            self.tell_stray(exchange, 0, outlet);
+            return;
+        };
+        if self.stations[address.index()].silent > 0 {
+            self.tell_late_answer(exchange, address, outlet);
+        } else if let Some(told) = told.filter(|told| told.address == address) {
+            self.tell_second_answer(exchange, told, outlet);
+        } else {
+            self.tell_stray(exchange, 0, outlet);
+        }
+    }
+
+    /// An answer after its request was given up.
+    fn tell_late_answer(
+        &mut self,
+        exchange: &Exchange,
+        address: Address,
+        outlet: &mut Outlet<'_, '_>,
+    ) {
+        let mut telegram = self.telegram_of(exchange);
+        telegram.address = Some(address);
+        self.verdict.clear();
+        self.judge_damage(exchange);
+        let start = exchange.first_word().map_or(Moment::UNKNOWN, |first| first.start);
+        let station = &mut self.stations[address.index()];
+        let mut late = Finding::new(&codes::LATE_ANSWER);
+        late.actual = start.since(station.asked);
+        self.verdict.add(late);
+        if let Some(over) = station.end_silence(start) {
+            self.verdict.add(over);
+        }
+        station.is_heard = true;
+        station.motion.interrupt();
+        telegram.station = self.names.get(&u16::from(address.get()));
+        outlet.emit(RESPONSE, &self.verdict, &telegram);
+    }
+
+    /// A second footer for one request: once may be chance.
+    fn tell_second_answer(&mut self, exchange: &Exchange, told: Told, outlet: &mut Outlet<'_, '_>) {
+        let station = &mut self.stations[told.address.index()];
+        station.double_footers = station.double_footers.saturating_add(1);
+        station.motion.interrupt();
+        let times = i64::from(station.double_footers);
+        if times < 2 && exchange.words() == 0 {
+            self.tell_stray(exchange, 0, outlet);
+            return;
+        }
+        let mut telegram = self.telegram_of(exchange);
+        telegram.address = Some(told.address);
+        telegram.request = Some((told.request, told.address));
+        self.verdict.clear();
+        self.judge_damage(exchange);
+        self.verdict.add(if times < 2 {
+            Finding::new(&codes::STRAY_DATA).actual(exchange.characters().len() as i64)
+        } else {
+            Finding::new(&codes::DUPLICATE_ADDRESS).actual(times)
+        });
+        telegram.station = self.names.get(&u16::from(told.address.get()));
+        outlet.emit(RESPONSE, &self.verdict, &telegram);
+    }
+
+    /// Characters from `from` on belong to nobody.
+    fn tell_stray(&mut self, exchange: &Exchange, from: usize, outlet: &mut Outlet<'_, '_>) {
+        let characters = from..exchange.characters().len();
+        let telegram = Telegram {
+            parts: &exchange.parts()[characters.clone()],
+            characters: &exchange.characters()[characters.clone()],
+            ..Telegram::default()
+        };
+        self.verdict.clear();
+        self.verdict.judge_damage(telegram.characters, telegram.parts);
+        let noise = telegram.characters.iter().zip(telegram.parts);
+        let sent = noise.filter(|(character, part)| !is_noise(character, **part)).count();
+        if sent > 0 {
+            self.verdict.add(Finding::new(&codes::STRAY_DATA).actual(sent as i64));
+        }
+        outlet.emit(STRAY, &self.verdict, &telegram);
+    }
+
+    /// What the edge of the capture cut is told and not judged.
+    fn tell_partial(
+        &mut self,
+        exchange: &Exchange,
+        request: Option<(u64, Address)>,
+        outlet: &mut Outlet<'_, '_>,
+    ) {
+        let characters = exchange.answer_begins()..exchange.characters().len();
+        let telegram = Telegram {
+            address: exchange
+                .footer()
+                .map(|footer| Address::of(footer.byte()))
+                .or(request.map(|(_, address)| address)),
+            request,
+            parts: &exchange.parts()[characters.clone()],
+            characters: &exchange.characters()[characters.clone()],
+            ..Telegram::default()
+        };
+        self.verdict.clear();
+        outlet.emit(PARTIAL, &self.verdict, &telegram);
+    }
+
+    fn tell_jump(
+        &mut self,
+        jump: Jump,
+        address: Address,
+        exchange: &Exchange,
+        outlet: &mut Outlet<'_, '_>,
+    ) {
+        let finding = Finding::new(&codes::POSITION_JUMP)
+            .expected(jump.expected)
+            .actual(i64::from(jump.position));
+        let last = exchange.last().copied();
+        let station = Some(u16::from(address.get()));
+        outlet.event(finding, Some(jump.record), station, last);
+    }
+
+    /// What was lost leaves a gap that no step of a position may cross.
+    pub fn interrupt_motion(&mut self) {
+        for station in &mut self.stations {
+            station.motion.interrupt();
+        }
+    }
+
+    fn judge_request(&mut self, exchange: &Exchange) {
+        self.verdict.judge_damage(&exchange.characters()[..1], &exchange.parts()[..1]);
+        let reserved = Request::of(exchange.characters()[0].byte()).reserved;
+        if reserved != 0 {
+            let finding = Finding::new(&codes::RESERVED_BITS).actual(i64::from(reserved));
+            self.verdict.add(finding);
+        }
+    }
+
+    fn judge_damage(&mut self, exchange: &Exchange) {
+        let from = exchange.answer_begins();
+        self.verdict.judge_damage(&exchange.characters()[from..], &exchange.parts()[from..]);
+    }
+
+    fn emit_request(
+        &mut self,
+        exchange: &Exchange,
+        asked: Address,
+        outlet: &mut Outlet<'_, '_>,
+    ) -> u64 {
+        let request = &exchange.characters()[0];
+        let asked_until = request.start.plus(self.wire.character_ns().unwrap_or_default());
+        self.stations[asked.index()].asked = asked_until;
+        let telegram = Telegram {
+            address: Some(asked),
+            parts: &exchange.parts()[..1],
+            characters: &exchange.characters()[..1],
+            station: self.names.get(&u16::from(asked.get())),
+            ..Telegram::default()
+        };
+        outlet.emit(REQUEST, &self.verdict, &telegram)
+    }
+
+    /// What the words of an answer say on their own.
+    fn telegram_of<'e>(&self, exchange: &'e Exchange) -> Telegram<'e> {
+        let response = exchange.response();
+        let from = exchange.answer_begins();
+        let asked = exchange.asked().or(response.footer.map(|footer| footer.address));
+        let expected = |footer: Footer| {
+            let expectation = self.habits.of(asked.unwrap_or(footer.address));
+            expected_checksum(response.data, footer, expectation)
+        };
+        Telegram {
+            address: response.footer.map(|footer| footer.address),
+            position: response.position(),
+            data_words: Some(response.data.len()),
+            footer: response.footer,
+            checksum_expected: response.footer.map(expected),
+            fitting: response.footer.map(|footer| Rules::fitting(response.data, footer.checksum)),
+            framed_by: Some(exchange.framed_by),
+            parts: &exchange.parts()[from..],
+            characters: &exchange.characters()[from..],
+            ..Telegram::default()
+        }
+    }
+}
+
+/// Whether a character is a request without any oddity.
+fn is_plain(request: &Character) -> bool {
+    request.byte() & 0xF8 == 0x80 && !request.is_damaged()
+}

@@ -1,0 +1,29 @@
+//! Serial characters: what they are, how line levels become characters, and what a wrong set-up
+//! looks like.
+
+mod character;
+mod codes;
+mod dissector;
+mod format;
+mod rate;
+mod setup;
+
+pub use character::{Character, Parity};
+pub use codes::{BREAK, CODES, FRAMING, LOST, OVERRUN, SWAPPED_LINES, WRONG_PARITY, WRONG_RATE};
+pub use dissector::PROTOCOL;
+pub use format::{Baud, Format, FormatError, ParityRule, Wire};
+pub use setup::Setup;
+
+pub(crate) use codes::name_characters;
+pub(crate) use rate::baud_from_spacing;
+
+/// What the user decided about a serial line; the rest is found out.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct LineSettings {
+    /// The rate.
+    pub baud: Option<Baud>,
+    /// The character format.
+    pub format: Option<Format>,
+    /// Whether the line is upside down.
+    pub inverted: Option<bool>,
+}

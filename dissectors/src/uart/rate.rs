@@ -1,0 +1,94 @@
+//! The rate of a line, found from how its characters follow each other.
+
+use super::{Baud, Character, Format};
+use alloc::{format, string::String, vec::Vec};
+use core::cmp::Reverse;
+
+/// Rates worth trying, those of SLIN first (Baumer SLIN §3.1, TR SLIN §1).
+pub(super) const RATES: [u32; 20] = [
+    115_200, 19_200, 9_600, 345_594, 38_400, 57_600, 230_400, 4_800, 2_400, 1_200, 300, 600,
+    14_400, 28_800, 76_800, 460_800, 500_000, 921_600, 250_000, 1_000_000,
+];
+
+/// How far a spacing may be off a rate's, in percent: clocks differ by 1 % and more.
+const TOLERANCE: i64 = 2;
+
+/// The rate at which characters of this format follow each other without a pause, with the
+/// evidence. `None` where no two do, or the clock is too coarse to tell.
+pub(crate) fn baud_from_spacing(
+    characters: &[Character],
+    format: Format,
+) -> Option<(Baud, String)> {
+    let spacings: Vec<i64> = characters
+        .windows(2)
+        .filter_map(|pair| pair[1].start.since(pair[0].start))
+        .filter(|ns| *ns > 0)
+        .collect();
+    let coarse = characters.iter().map(|character| i64::from(character.uncertainty)).max()?;
+    let smallest = spacings.iter().copied().min()?;
+    if coarse * 2 > smallest / 10 {
+        return None;
+    }
+    let near = |target: i64| {
+        let off = target * TOLERANCE / 100 + 2 * coarse;
+        move |ns: &&i64| (**ns - target).abs() <= off
+    };
+    let fits = |rate: &u32| {
+        let baud = Baud::new(*rate)?;
+        let target = baud.bits_ns(format.bits()).cast_signed();
+        let count = spacings.iter().filter(near(target)).count();
+        let overlapping = spacings.iter().filter(|ns| **ns < target * 95 / 100).count();
+        (count > 0 && overlapping * 20 <= spacings.len()).then_some((baud, count))
+    };
+    let standard = RATES.iter().filter_map(fits).min_by_key(|(_, count)| Reverse(*count));
+    let (baud, count) = standard.or_else(|| {
+        let closest: Vec<i64> = spacings.iter().filter(near(smallest)).copied().collect();
+        let mean = closest.iter().sum::<i64>() / i64::try_from(closest.len()).ok()?;
+        let rate = i64::from(format.bits()) * 1_000_000_000 / mean.max(1);
+        let is_common = closest.len() >= 3 && closest.len() * 5 >= spacings.len();
+        is_common.then_some((Baud::new(u32::try_from(rate).ok()?)?, closest.len()))
+    })?;
+    let all = spacings.len();
+    Some((baud, format!("{count} of {all} characters follow the one before without a pause")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Moment;
+    use crate::uart::Parity;
+
+    fn found(starts: &[i64], uncertainty: u32) -> Option<u32> {
+        let characters: Vec<Character> = starts
+            .iter()
+            .map(|ns| Character::new(Moment::from_ns(*ns), uncertainty, 0, Parity::Ok))
+            .collect();
+        baud_from_spacing(&characters, Format::FT12).map(|(baud, _)| baud.get())
+    }
+
+    #[test]
+    fn characters_without_a_pause_tell_the_rate() {
+        // 80h, a pause of 250 µs, then 3A B8h: 11 bits at 115200 Bd are 95.486 µs.
+        assert_eq!(found(&[0, 345_486, 440_972], 1), Some(115_200));
+        // The same with a clock 1 % fast, stamped in µs.
+        assert_eq!(found(&[0, 344_000, 438_500], 500), Some(115_200));
+        // 345594 Bd: 31.829 µs; 9600 Bd: 1145.833 µs.
+        assert_eq!(found(&[0, 281_829, 313_658, 345_487], 1), Some(345_594));
+        assert_eq!(found(&[0, 1_400_000, 2_545_833], 100), Some(9_600));
+    }
+
+    #[test]
+    fn other_rates_take_more_evidence() {
+        // 11 bits at 31250 Bd: 352 µs.
+        let starts: Vec<i64> = (0..5).map(|n| n * 352_000).collect();
+        assert_eq!(found(&starts, 1), Some(31_250));
+        assert_eq!(found(&starts[..3], 1), None);
+    }
+
+    #[test]
+    fn pauses_or_coarse_clocks_tell_nothing() {
+        assert_eq!(found(&[0, 345_486], 1), None);
+        assert_eq!(found(&[0, 0, 0, 16_000_000], 8_000_000), None);
+        assert_eq!(found(&[], 0), None);
+    }
+}

@@ -1,0 +1,218 @@
+//! The command line, as the user writes it. What it means is decided in `commands`.
+
+use crate::source::InputFormat;
+use clap::builder::styling::{AnsiColor, Styles};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use dissectors::protocol::{PROTOCOLS, Protocol};
+use dissectors::slin::checksum::Rule;
+use dissectors::slin::{ChecksumChoice, Profile};
+use dissectors::uart::{Baud, Format};
+use std::path::PathBuf;
+
+const STYLES: Styles = Styles::styled()
+    .header(AnsiColor::Yellow.on_default().bold())
+    .usage(AnsiColor::Yellow.on_default().bold())
+    .literal(AnsiColor::Green.on_default())
+    .placeholder(AnsiColor::Cyan.on_default());
+
+/// Listen to encoder field buses and say what went over the wire, whether it was right, and why
+/// not.
+#[derive(Parser, Debug)]
+#[command(name = "fieldtap", version, styles = STYLES, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Print the decoded trace of a capture.
+    Read(crate::commands::read::Arguments),
+    /// Write a bus with chosen faults as a capture.
+    Simulate(crate::commands::simulate::Arguments),
+}
+
+/// What is read, and how: shared by every command that decodes.
+#[derive(Args, Debug)]
+pub struct Decoding {
+    /// Captures: files, or - for standard input. Several are read as one stream.
+    #[arg(value_name = "SOURCE", required = true)]
+    pub sources: Vec<String>,
+
+    /// Format of the captures, instead of finding it from their content.
+    #[arg(long, value_name = "FORMAT", help_heading = "Source")]
+    pub input_format: Option<InputFormat>,
+
+    /// Decode only this channel or interface (repeatable). Default: every one with traffic.
+    #[arg(long, value_name = "NAME", help_heading = "Source")]
+    pub channel: Vec<String>,
+
+    /// Sample rate of captures that do not tell it, such as 4M or 500k.
+    #[arg(long, value_name = "HZ", value_parser = frequency, help_heading = "Source")]
+    pub samplerate: Option<u64>,
+
+    /// Bytes a sample in raw logic captures.
+    #[arg(long, value_name = "BYTES", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64), help_heading = "Source")]
+    pub unitsize: u8,
+
+    /// Protocol on the bus, or auto.
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = protocol_or_auto(), help_heading = "Bus")]
+    pub protocol: Auto<&'static Protocol>,
+
+    /// Rate in Bd, or auto.
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(baud), help_heading = "Bus")]
+    pub baud: Auto<Baud>,
+
+    /// Character format such as 8E1, or auto.
+    #[arg(long, value_name = "FORMAT", default_value = "auto", value_parser = auto_or(format), help_heading = "Bus")]
+    pub frame: Auto<Format>,
+
+    /// Whether the line is upside down.
+    #[arg(long, value_name = "WHEN", default_value = "auto", help_heading = "Bus")]
+    pub invert: Invert,
+
+    /// SLIN: whose encoders these are.
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named(&Profile::NAMES), help_heading = "SLIN")]
+    pub profile: Profile,
+
+    /// SLIN: how encoders add up their checksum, instead of what the profile says.
+    #[arg(long, value_name = "RULE", value_parser = named(&CHECKSUMS), help_heading = "SLIN")]
+    pub checksum: Option<ChecksumChoice>,
+
+    /// Names and resolutions of stations (TOML).
+    #[arg(long, value_name = "FILE", help_heading = "Bus")]
+    pub stations: Option<PathBuf>,
+
+    /// How times are shown.
+    #[arg(long, value_name = "STYLE", default_value = "relative", help_heading = "Output")]
+    pub time: TimeStyle,
+
+    /// When to use colour.
+    #[arg(long, value_name = "WHEN", default_value = "auto", help_heading = "Output")]
+    pub color: clap::ColorChoice,
+
+    /// Only records that begin at this time or later: seconds, as the trace shows them.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_hyphen_values = true, help_heading = "Selection")]
+    pub from: Option<i64>,
+
+    /// Only records that begin before this time.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_hyphen_values = true, help_heading = "Selection")]
+    pub to: Option<i64>,
+
+    /// Stop after so many records.
+    #[arg(long, value_name = "N", help_heading = "Selection")]
+    pub count: Option<u64>,
+
+    /// End with exit status 1 if there is a finding at least this bad.
+    #[arg(long, value_name = "SEVERITY")]
+    pub fail_on: Option<FailOn>,
+
+    /// Say less: only errors on standard error.
+    #[arg(short, long)]
+    pub quiet: bool,
+
+    /// Say more: the characters below each telegram.
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub verbose: bool,
+}
+
+/// A value, or `auto` to find it out.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Auto<T> {
+    /// To be found out.
+    Auto,
+    /// Given.
+    Given(T),
+}
+
+impl<T> Auto<T> {
+    /// What was given.
+    pub fn given(self) -> Option<T> {
+        match self {
+            Auto::Auto => None,
+            Auto::Given(value) => Some(value),
+        }
+    }
+}
+
+/// Whether a line is upside down.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Invert {
+    /// Find out.
+    Auto,
+    /// It is.
+    Yes,
+    /// It is not.
+    No,
+}
+
+/// The severity from which on the exit status is 1.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum FailOn {
+    /// Errors.
+    Error,
+    /// Errors and warnings.
+    Warning,
+}
+
+/// How times are shown.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum TimeStyle {
+    /// Seconds since the first record.
+    Relative,
+    /// Date and time of day, where the source has them.
+    Absolute,
+    /// Seconds since the record before.
+    Delta,
+}
+
+const CHECKSUMS: [(&str, ChecksumChoice); 4] = [
+    ("auto", ChecksumChoice::Auto),
+    ("add", ChecksumChoice::Rule(Rule::Add)),
+    ("addc", ChecksumChoice::Rule(Rule::Addc)),
+    ("addc-sent", ChecksumChoice::Rule(Rule::AddcSent)),
+];
+
+/// Parses one of a few names.
+fn named<T: Copy + Send + Sync + 'static>(
+    names: &'static [(&'static str, T)],
+) -> impl clap::builder::TypedValueParser<Value = T> {
+    use clap::builder::TypedValueParser;
+    clap::builder::PossibleValuesParser::new(names.iter().map(|(name, _)| *name)).map(|name| {
+        let found = names.iter().find(|(known, _)| *known == name);
+        found.unwrap_or(&names[0]).1
+    })
+}
+
+fn protocol_or_auto() -> impl clap::builder::TypedValueParser<Value = Auto<&'static Protocol>> {
+    use clap::builder::TypedValueParser;
+    let names = PROTOCOLS.iter().map(|protocol| protocol.name).chain(["auto"]);
+    clap::builder::PossibleValuesParser::new(names)
+        .map(|name| Protocol::named(&name).map_or(Auto::Auto, Auto::Given))
+}
+
+fn auto_or<T>(
+    parse: impl Fn(&str) -> Result<T, String> + Clone,
+) -> impl Fn(&str) -> Result<Auto<T>, String> + Clone {
+    move |text| if text == "auto" { Ok(Auto::Auto) } else { parse(text).map(Auto::Given) }
+}
+
+fn baud(text: &str) -> Result<Baud, String> {
+    let rate = text.parse().ok().and_then(Baud::new);
+    rate.ok_or_else(|| "not a rate in Bd, such as 115200".to_owned())
+}
+
+fn format(text: &str) -> Result<Format, String> {
+    text.parse().map_err(|error: dissectors::uart::FormatError| error.to_string())
+}
+
+fn seconds(text: &str) -> Result<i64, String> {
+    crate::source::seconds_in_ns(text).ok_or_else(|| "not a time in seconds".to_owned())
+}
+
+fn frequency(text: &str) -> Result<u64, String> {
+    crate::source::frequency(text)
+        .ok_or_else(|| "not a frequency, such as 4M, 500k or 12000000".to_owned())
+}

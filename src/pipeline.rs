@@ -1,0 +1,70 @@
+//! From a source, over the buses it hears, to records.
+
+use crate::source::{Piece, Source, SourceError};
+use dissectors::bus::Bus;
+use dissectors::event::Moment;
+use dissectors::protocol::Settings;
+use dissectors::record::{Output, Sink};
+
+/// The buses of a run. Several sources go through it one after the other as one stream.
+pub struct Pipeline {
+    settings: Settings,
+    buses: Vec<Bus>,
+    /// Where the capture of each bus ended.
+    ends: Vec<Moment>,
+    last_number: u64,
+}
+
+impl Pipeline {
+    /// A run in which nothing was heard yet.
+    pub fn new(settings: Settings) -> Self {
+        Pipeline { settings, buses: Vec::new(), ends: Vec::new(), last_number: 0 }
+    }
+
+    /// The buses that appeared so far.
+    pub fn buses(&self) -> &[Bus] {
+        &self.buses
+    }
+
+    /// Passes everything of a source on, for as long as `go_on` says so. Buses of the same name go
+    /// on where an earlier source left them.
+    ///
+    /// # Errors
+    /// The source could not go on. What came before was passed on.
+    pub fn pass(
+        &mut self,
+        source: &mut dyn Source,
+        sink: &mut dyn Sink,
+        mut go_on: impl FnMut() -> bool,
+    ) -> Result<(), SourceError> {
+        let mut numbers = Vec::new();
+        while go_on() {
+            match source.next_piece()? {
+                None => break,
+                Some(Piece::Bus(info, facts)) => {
+                    let known = self.buses.iter().position(|bus| *bus.info() == info);
+                    numbers.push(known.unwrap_or(self.buses.len()));
+                    if known.is_none() {
+                        self.buses.push(Bus::new(info, facts, self.settings.clone()));
+                        self.ends.push(Moment::UNKNOWN);
+                    }
+                }
+                Some(Piece::Heard(bus, event)) => {
+                    let mut out = Output::new(&mut self.last_number, sink);
+                    self.buses[numbers[bus]].hear(event, &mut out);
+                }
+                Some(Piece::Comment(..)) => {}
+                Some(Piece::End(bus, end)) => self.ends[numbers[bus]] = end,
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells every bus that nothing more will come.
+    pub fn finish(&mut self, sink: &mut dyn Sink) {
+        let mut out = Output::new(&mut self.last_number, sink);
+        for (bus, end) in self.buses.iter_mut().zip(&self.ends) {
+            bus.finish(*end, &mut out);
+        }
+    }
+}
