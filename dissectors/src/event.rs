@@ -101,7 +101,10 @@ pub struct Levels<'a> {
     pub edges: &'a [u64],
     /// The level before the first edge of this piece.
     pub level: bool,
-    /// Everything before this tick is known.
+    /// The line is known from this tick on: where the piece before ended, unless something was
+    /// lost in between.
+    pub from: u64,
+    /// The line is known before this tick.
     pub until: u64,
 }
 

@@ -12,6 +12,7 @@
 extern crate alloc;
 
 pub mod bus;
+mod decoder;
 pub mod event;
 pub mod field;
 pub mod finding;

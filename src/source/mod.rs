@@ -4,7 +4,11 @@ mod chars;
 mod error;
 mod input;
 mod lines;
+mod logic;
 mod numbers;
+mod samples;
+mod sr;
+mod vcd;
 
 pub use error::{Place, SourceError};
 pub use input::Input;
@@ -41,6 +45,12 @@ pub trait Source {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 #[value(rename_all = "kebab-case")]
 pub enum InputFormat {
+    /// sigrok session
+    Sr,
+    /// Value change dump
+    Vcd,
+    /// Bare logic samples, as sigrok-cli -O binary writes them
+    Logic,
     /// Characters as text: time,byte,parity
     Chars,
 }
@@ -60,6 +70,23 @@ pub struct SourceOptions {
     pub baud: Option<Baud>,
 }
 
+impl SourceOptions {
+    /// Those of a source's channels that the user asked for: all, unless some were named.
+    ///
+    /// # Errors
+    /// One that was named is not there: which ones are.
+    pub fn chosen<T>(&self, there: Vec<T>, name: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
+        let missing =
+            self.channels.iter().find(|wanted| !there.iter().any(|channel| name(channel) == *wanted));
+        if let Some(missing) = missing {
+            let names: Vec<&str> = there.iter().map(&name).collect();
+            return Err(format!("there is no channel {missing}: there is {}", names.join(", ")));
+        }
+        let is_wanted = |channel: &T| self.channels.iter().any(|wanted| wanted == name(channel));
+        Ok(there.into_iter().filter(|c| self.channels.is_empty() || is_wanted(c)).collect())
+    }
+}
+
 /// Opens a source. Its format is found from its content unless it is given.
 ///
 /// # Errors
@@ -75,9 +102,17 @@ pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     })?;
     match format {
         InputFormat::Chars => Ok(Box::new(chars::Chars::new(input))),
+        InputFormat::Sr => Ok(Box::new(sr::open(input, options)?)),
+        InputFormat::Vcd => Ok(Box::new(vcd::Vcd::new(input, options)?)),
+        InputFormat::Logic => Ok(Box::new(logic::Logic::raw(input, options)?)),
     }
 }
 
 fn recognize(head: &[u8]) -> Option<InputFormat> {
-    chars::is_header(head).then_some(InputFormat::Chars)
+    let formats = [
+        (sr::is_zip(head), InputFormat::Sr),
+        (vcd::is_dump(head), InputFormat::Vcd),
+        (chars::is_header(head), InputFormat::Chars),
+    ];
+    formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format)
 }

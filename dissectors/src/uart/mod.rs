@@ -4,14 +4,20 @@
 mod character;
 mod codes;
 mod dissector;
+mod find;
 mod format;
+mod line;
 mod rate;
+mod receiver;
+mod sampler;
+mod settle;
 mod setup;
 
 pub use character::{Character, Parity};
 pub use codes::{BREAK, CODES, FRAMING, LOST, OVERRUN, SWAPPED_LINES, WRONG_PARITY, WRONG_RATE};
 pub use dissector::PROTOCOL;
 pub use format::{Baud, Format, FormatError, ParityRule, Wire};
+pub use line::Line;
 pub use setup::Setup;
 
 pub(crate) use codes::name_characters;
