@@ -30,8 +30,18 @@ pub struct Cli {
 pub enum Command {
     /// Print the decoded trace of a capture.
     Read(crate::commands::read::Arguments),
+    /// Sum a capture up: stations, findings, response times.
+    Stats(crate::commands::stats::Arguments),
     /// Write a bus with chosen faults as a capture.
     Simulate(crate::commands::simulate::Arguments),
+    /// Explain a finding: what it means, the rule, what to do at the machine.
+    Explain(crate::commands::explain::Arguments),
+    /// List every field a column or a script can name.
+    Fields(crate::commands::fields::Arguments),
+    /// Print completions for a shell.
+    Completions(crate::commands::completions::Arguments),
+    /// Print the manual page.
+    Man(crate::commands::man::Arguments),
 }
 
 /// What is read, and how: shared by every command that decodes.

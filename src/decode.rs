@@ -1,56 +1,196 @@
 //! What every decoding command does: read the sources, pass records on, and end well.
 
-use crate::cli::{Auto, Decoding, Invert};
+use crate::cli::{Decoding, FailOn, Invert};
+use crate::clock::Clock;
 use crate::export::Export;
-use crate::pipeline::Pipeline;
-use crate::source::{self, SourceOptions};
+use crate::pipeline::{Consumer, Pipeline};
+use crate::source::{self, SourceError, SourceOptions};
+use crate::tally::Tally;
+use crate::verdict::{Learned, Verdict};
+use dissectors::finding::Severity;
 use dissectors::protocol::Settings;
+use dissectors::record::{Record, Sink};
 use dissectors::slin;
+use dissectors::station::Stations;
 use dissectors::uart::LineSettings;
+use std::io;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How a run ended.
-#[derive(Default, Debug)]
+/// Exit statuses, as scripts rely on them.
+pub const DONE: u8 = 0;
+/// There are findings at or above `--fail-on`.
+pub const FOUND: u8 = 1;
+/// The command line is wrong.
+pub const USAGE: u8 = 2;
+/// A source failed, or the output cannot be written.
+pub const FAILED: u8 = 3;
+/// Interrupted by the user.
+pub const INTERRUPTED: u8 = 130;
+
+/// What a run came to.
 pub struct Outcome {
-    has_source_failed: bool,
+    /// What was counted.
+    pub tally: Tally,
+    /// The buses, at the end.
+    pub pipeline: Pipeline,
+    /// How times are shown.
+    pub clock: Clock,
+    error: Option<SourceError>,
+    output: io::Result<()>,
     is_interrupted: bool,
-    has_findings: bool,
-    is_pipe_closed: bool,
+    fail_on: Option<FailOn>,
+    is_quiet: bool,
 }
 
 impl Outcome {
+    /// Whether nobody reads what is written: then nothing is said any more.
+    pub fn is_pipe_closed(&self) -> bool {
+        self.output.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// The four lines that sum it up.
+    pub fn verdict(&self) -> Verdict {
+        Verdict::of(&self.tally, self.pipeline.buses(), &self.clock)
+    }
+
+    /// Says on standard error what was found out, what went wrong, and the last four lines.
+    pub fn report(&self) {
+        if self.is_pipe_closed() {
+            return;
+        }
+        if !self.is_quiet {
+            self.report_conclusions();
+        }
+        if let Err(error) = &self.output {
+            eprintln!("fieldtap: the output cannot be written: {error}");
+        }
+        if let Some(error) = &self.error {
+            eprintln!("fieldtap: {error}");
+        }
+        if !self.is_quiet {
+            for (heading, text) in self.verdict().lines() {
+                eprintln!("{heading:<6} {text}");
+            }
+        }
+    }
+
+    fn report_conclusions(&self) {
+        for bus in self.pipeline.buses() {
+            for learned in Learned::of(bus) {
+                eprintln!("auto: {}: {learned}", bus.info().name);
+            }
+        }
+    }
+
     /// 3 outranks 130 outranks 1; a closed pipe is none of these.
     pub fn exit_code(&self) -> ExitCode {
-        ExitCode::from(match self {
-            Outcome { is_pipe_closed: true, .. } => 0,
-            Outcome { has_source_failed: true, .. } => 3,
-            Outcome { is_interrupted: true, .. } => 130,
-            Outcome { has_findings: true, .. } => 1,
-            _ => 0,
+        let limit = self.fail_on.map(|limit| match limit {
+            FailOn::Error => Severity::Error,
+            FailOn::Warning => Severity::Warning,
+        });
+        let has_found = limit.is_some_and(|limit| self.tally.worst() >= Some(limit));
+        ExitCode::from(if self.is_pipe_closed() {
+            DONE
+        } else if self.error.is_some() || self.output.is_err() {
+            FAILED
+        } else if self.is_interrupted {
+            INTERRUPTED
+        } else if has_found {
+            FOUND
+        } else {
+            DONE
         })
     }
 }
 
 /// Decodes the sources into `export`.
-pub fn decode(decoding: &Decoding, export: &mut dyn Export) -> Outcome {
-    let mut outcome = Outcome::default();
-    let mut pipeline = Pipeline::new(settings(decoding));
+pub fn decode(decoding: &Decoding, settings: Settings, export: &mut dyn Export) -> Outcome {
+    let interrupted = catch_interrupts();
+    let mut pipeline = Pipeline::new(settings);
+    let mut desk = Desk {
+        export,
+        tally: Tally::default(),
+        clock: Clock::new(decoding.time),
+        from: decoding.from,
+        to: decoding.to,
+        left: decoding.count.unwrap_or(u64::MAX),
+        output: Ok(()),
+        interrupted: &interrupted,
+    };
     let options = source_options(decoding);
+    let mut error = None;
     for name in &decoding.sources {
         let passed = source::open(name, &options)
-            .and_then(|mut source| pipeline.pass(&mut *source, export, || true));
-        if let Err(error) = passed {
-            eprintln!("fieldtap: {error}");
-            outcome.has_source_failed = true;
+            .and_then(|mut source| pipeline.pass(&mut *source, &mut desk));
+        if let Err(stopped) = passed {
+            error = Some(stopped);
             break;
         }
     }
-    pipeline.finish(export);
-    outcome
+    let is_interrupted = interrupted.load(Ordering::Relaxed);
+    pipeline.finish(&mut desk);
+    if desk.output.is_ok() {
+        desk.output = desk.export.status().and_then(|()| desk.export.flush());
+    }
+    let Desk { tally, clock, output, .. } = desk;
+    let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
+    Outcome { tally, pipeline, clock, error, output, is_interrupted, fail_on, is_quiet }
+}
+
+/// Ctrl-C ends a run with its last lines; a second one ends it at once.
+fn catch_interrupts() -> Arc<AtomicBool> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        let second = Arc::clone(&interrupted);
+        let status = i32::from(INTERRUPTED);
+        // Where signals cannot be caught, they end the run without last lines.
+        let _ = signal_hook::flag::register_conditional_shutdown(signal, status, second)
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&interrupted)));
+    }
+    interrupted
+}
+
+/// Selects the records the user asked for, counts them and has them written.
+struct Desk<'a> {
+    export: &'a mut dyn Export,
+    tally: Tally,
+    clock: Clock,
+    /// In ns, as times are shown.
+    from: Option<i64>,
+    to: Option<i64>,
+    left: u64,
+    output: io::Result<()>,
+    interrupted: &'a AtomicBool,
+}
+
+impl Sink for Desk<'_> {
+    fn record(&mut self, record: &Record<'_>) {
+        self.clock.tick(record.start);
+        let time = self.clock.relative(record.start);
+        let is_early = self.from.is_some_and(|from| time.is_some_and(|time| time < from));
+        let is_late = self.to.is_some_and(|to| time.is_some_and(|time| time >= to));
+        if is_early || is_late || self.left == 0 {
+            return;
+        }
+        self.left -= 1;
+        self.tally.record(record);
+        self.export.record(record);
+    }
+}
+
+impl Consumer for Desk<'_> {
+    fn goes_on(&mut self) -> bool {
+        if self.output.is_ok() {
+            self.output = self.export.status();
+        }
+        self.output.is_ok() && self.left > 0 && !self.interrupted.load(Ordering::Relaxed)
+    }
 }
 
 /// What the user says about the sources.
-pub fn source_options(decoding: &Decoding) -> SourceOptions {
+fn source_options(decoding: &Decoding) -> SourceOptions {
     SourceOptions {
         format: decoding.input_format,
         channels: decoding.channel.clone(),
@@ -61,7 +201,10 @@ pub fn source_options(decoding: &Decoding) -> SourceOptions {
 }
 
 /// What the user decided about the bus.
-pub fn settings(decoding: &Decoding) -> Settings {
+///
+/// # Errors
+/// The file of stations cannot be used.
+pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     let inverted = match decoding.invert {
         Invert::Auto => None,
         Invert::Yes => Some(true),
@@ -70,13 +213,14 @@ pub fn settings(decoding: &Decoding) -> Settings {
     let line =
         LineSettings { baud: decoding.baud.given(), format: decoding.frame.given(), inverted };
     let checksum = decoding.checksum.unwrap_or_default();
-    Settings {
-        protocol: match decoding.protocol {
-            Auto::Given(protocol) => Some(protocol),
-            Auto::Auto => None,
-        },
+    let stations = match &decoding.stations {
+        Some(path) => crate::stations::read(path)?,
+        None => Stations::new(),
+    };
+    Ok(Settings {
+        protocol: decoding.protocol.given(),
         line,
         slin: slin::Settings { profile: decoding.profile, checksum },
-        ..Settings::default()
-    }
+        stations,
+    })
 }

@@ -3,11 +3,15 @@
 #![forbid(unsafe_code)]
 
 mod cli;
+mod clock;
 mod commands;
 mod decode;
 mod export;
 mod pipeline;
 mod source;
+mod stations;
+mod tally;
+mod verdict;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -6,6 +6,12 @@ use dissectors::event::Moment;
 use dissectors::protocol::Settings;
 use dissectors::record::{Output, Sink};
 
+/// Takes records for as long as it wants more.
+pub trait Consumer: Sink {
+    /// Whether it wants more. Asked between pieces of the source.
+    fn goes_on(&mut self) -> bool;
+}
+
 /// The buses of a run. Several sources go through it one after the other as one stream.
 pub struct Pipeline {
     settings: Settings,
@@ -26,19 +32,18 @@ impl Pipeline {
         &self.buses
     }
 
-    /// Passes everything of a source on, for as long as `go_on` says so. Buses of the same name go
-    /// on where an earlier source left them.
+    /// Passes everything of a source on, for as long as the consumer wants more. Buses of the same
+    /// name go on where an earlier source left them.
     ///
     /// # Errors
     /// The source could not go on. What came before was passed on.
     pub fn pass(
         &mut self,
         source: &mut dyn Source,
-        sink: &mut dyn Sink,
-        mut go_on: impl FnMut() -> bool,
+        consumer: &mut dyn Consumer,
     ) -> Result<(), SourceError> {
         let mut numbers = Vec::new();
-        while go_on() {
+        while consumer.goes_on() {
             match source.next_piece()? {
                 None => break,
                 Some(Piece::Bus(info, facts)) => {
@@ -50,7 +55,7 @@ impl Pipeline {
                     }
                 }
                 Some(Piece::Heard(bus, event)) => {
-                    let mut out = Output::new(&mut self.last_number, sink);
+                    let mut out = Output::new(&mut self.last_number, &mut *consumer);
                     self.buses[numbers[bus]].hear(event, &mut out);
                 }
                 Some(Piece::Comment(..)) => {}

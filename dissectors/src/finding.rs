@@ -43,8 +43,19 @@ pub struct Code {
     pub causes: &'static [&'static str],
     /// What to measure or change next, in order.
     pub next: &'static [&'static str],
+    /// The first of it in a few words: where one station is hit, and where all are.
+    pub cure: Cure,
     /// Writes the sentence of one finding.
     pub say: fn(&Finding, &Record<'_>, &mut dyn fmt::Write) -> fmt::Result,
+}
+
+/// What to do first, in a few words.
+#[derive(Debug)]
+pub struct Cure {
+    /// Where one station is hit; its number is put behind it.
+    pub one: &'static str,
+    /// Where it is the bus.
+    pub all: &'static str,
 }
 
 impl PartialEq for Code {

@@ -4,7 +4,7 @@ use crate::event::{Break, Clock, Loss, LossCause, Moment};
 use crate::field::{Field, FieldId, Kind, Role, Value};
 use crate::finding::{Code, Finding};
 use crate::protocol::Protocol;
-use crate::uart::{self, Character};
+use crate::uart::{self, Character, Wire};
 use alloc::string::String;
 use core::fmt;
 
@@ -21,12 +21,25 @@ pub enum Heard<'a> {
     Nothing,
 }
 
+/// The part a record plays in an exchange between the one who asks and a station.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Turn {
+    /// The station is asked.
+    Asks,
+    /// The station answers.
+    Answers,
+    /// Neither.
+    Neither,
+}
+
 /// One line of the trace: what every record has, whatever its protocol.
 pub struct Record<'a> {
     /// Its number in the output, from 1.
     pub n: u64,
     /// The bus it was heard on.
     pub bus: &'a BusInfo,
+    /// Rate and format of that bus, as far as they are known.
+    pub wire: Wire,
     /// Start on the wire.
     pub start: Moment,
     /// ± of `start` against other stamps of the same source, in ns.
@@ -43,6 +56,8 @@ pub struct Record<'a> {
     pub about: Option<u64>,
     /// SLIN address, MAC ID of the slave, INTERBUS device number.
     pub station: Option<u16>,
+    /// The part it plays in an exchange.
+    pub turn: Turn,
     /// What it was made from.
     pub heard: Heard<'a>,
     /// What was wrong. A code stands once.
@@ -83,12 +98,13 @@ impl<'a> Record<'a> {
     pub fn new(
         protocol: &'static Protocol,
         kind: &'static str,
-        bus: &'a BusInfo,
+        (bus, wire): (&'a BusInfo, Wire),
         layer: &'a dyn Layer,
     ) -> Self {
         Record {
             n: 0,
             bus,
+            wire,
             start: Moment::UNKNOWN,
             uncertainty: 0,
             interpolated: false,
@@ -97,6 +113,7 @@ impl<'a> Record<'a> {
             kind,
             about: None,
             station: None,
+            turn: Turn::Neither,
             heard: Heard::Nothing,
             findings: &[],
             withheld: &[],

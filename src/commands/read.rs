@@ -1,8 +1,9 @@
 //! `read`: print the decoded trace of a capture.
 
 use crate::cli::Decoding;
-use crate::decode::decode;
-use crate::export::{Export, Json};
+use crate::clock::Clock;
+use crate::decode::{USAGE, decode, settings};
+use crate::export::{Columns, Csv, Export, Json, Text};
 use clap::{Args, ValueEnum};
 use std::io::{self, BufWriter};
 use std::process::ExitCode;
@@ -16,6 +17,10 @@ pub struct Arguments {
     /// Form of the trace.
     #[arg(long, value_name = "FORM", default_value = "text", help_heading = "Output")]
     format: Form,
+
+    /// CSV: this field as a column instead of the usual ones (repeatable).
+    #[arg(short = 'e', long = "field", value_name = "FIELD", help_heading = "Output")]
+    columns: Vec<String>,
 }
 
 /// The forms of a trace.
@@ -31,9 +36,42 @@ enum Form {
 
 /// Prints the trace.
 pub fn run(arguments: &Arguments) -> ExitCode {
+    let decoding = &arguments.decoding;
     let out = BufWriter::with_capacity(64 * 1024, io::stdout().lock());
     let mut export: Box<dyn Export> = match arguments.format {
-        Form::Text | Form::Csv | Form::Json => Box::new(Json::new(out)),
+        Form::Text => {
+            let has_colour = has_colour(decoding.color);
+            Box::new(Text::new(out, Clock::new(decoding.time), has_colour, decoding.verbose))
+        }
+        Form::Csv if arguments.columns.is_empty() => Box::new(Csv::new(out, Columns::default())),
+        Form::Csv => match Columns::named(&arguments.columns) {
+            Ok(columns) => Box::new(Csv::new(out, columns)),
+            Err(name) => {
+                eprintln!("fieldtap: there is no field {name}: `fieldtap fields` lists them");
+                return ExitCode::from(USAGE);
+            }
+        },
+        Form::Json => Box::new(Json::new(out)),
     };
-    decode(&arguments.decoding, &mut *export).exit_code()
+    let settings = match settings(decoding) {
+        Ok(settings) => settings,
+        Err(error) => {
+            eprintln!("fieldtap: {error:#}");
+            return ExitCode::from(USAGE);
+        }
+    };
+    let outcome = decode(decoding, settings, &mut *export);
+    outcome.report();
+    outcome.exit_code()
+}
+
+/// Whether standard output takes colour, and the user wants it.
+fn has_colour(choice: clap::ColorChoice) -> bool {
+    match choice {
+        clap::ColorChoice::Always => true,
+        clap::ColorChoice::Never => false,
+        clap::ColorChoice::Auto => {
+            anstream::AutoStream::choice(&io::stdout()) != anstream::ColorChoice::Never
+        }
+    }
 }

@@ -1,8 +1,15 @@
 //! Where records go: one file a form.
 
+mod columns;
+mod csv;
 mod json;
+pub mod schema;
+mod text;
 
+pub use columns::Columns;
+pub use csv::Csv;
 pub use json::Json;
+pub use text::Text;
 
 use dissectors::record::Sink;
 use std::fmt;

@@ -46,9 +46,9 @@ impl Logic {
         channels: Vec<(String, usize)>,
         options: &SourceOptions,
     ) -> Result<Logic, SourceError> {
-        let channels = options.chosen(channels, |(channel, _)| channel).map_err(|what| {
-            SourceError::new(name, Place::Whole, what)
-        })?;
+        let channels = options
+            .chosen(channels, |(channel, _)| channel)
+            .map_err(|what| SourceError::new(name, Place::Whole, what))?;
         let samples = Samples::new(unitsize, channels);
         let uncertainty = u32::try_from(1_000_000_000_u64.div_ceil(rate)).unwrap_or(u32::MAX);
         let origin = Moment::from_ns(0);
@@ -131,8 +131,7 @@ impl Source for Logic {
                     self.announced += 1;
                     let name = self.samples.name(channel).to_owned();
                     let info = BusInfo { name, clock: Some(Clock::Sample) };
-                    let facts =
-                        WireFacts { sampling: Some(self.sampling), ..WireFacts::default() };
+                    let facts = WireFacts { sampling: Some(self.sampling), ..WireFacts::default() };
                     return Ok(Some(Piece::Bus(info, facts)));
                 }
                 None => self.turn += 1,

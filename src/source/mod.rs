@@ -76,8 +76,10 @@ impl SourceOptions {
     /// # Errors
     /// One that was named is not there: which ones are.
     pub fn chosen<T>(&self, there: Vec<T>, name: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
-        let missing =
-            self.channels.iter().find(|wanted| !there.iter().any(|channel| name(channel) == *wanted));
+        let missing = self
+            .channels
+            .iter()
+            .find(|wanted| !there.iter().any(|channel| name(channel) == *wanted));
         if let Some(missing) = missing {
             let names: Vec<&str> = there.iter().map(&name).collect();
             return Err(format!("there is no channel {missing}: there is {}", names.join(", ")));

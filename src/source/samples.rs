@@ -155,7 +155,8 @@ impl Samples {
                 last = sample;
                 expected = last * repeat;
                 // Behind this sample, compare with it.
-                let behind = if shift + 8 * unit >= 64 { 0 } else { u64::MAX << (shift + 8 * unit) };
+                let behind =
+                    if shift + 8 * unit >= 64 { 0 } else { u64::MAX << (shift + 8 * unit) };
                 changed = (word ^ expected) & mask & behind;
             }
             word = u64::from_le_bytes(*bytes) >> (64 - 8 * unit);
@@ -237,7 +238,11 @@ mod tests {
     fn expected(unitsize: usize, bit: usize, bytes: &[u8]) -> Vec<u64> {
         let level = |sample: &[u8]| sample[bit / 8] >> (bit % 8) & 1;
         let levels: Vec<u8> = bytes.chunks_exact(unitsize).map(level).collect();
-        (1..).zip(levels.windows(2)).filter(|(_, pair)| pair[0] != pair[1]).map(|(n, _)| n).collect()
+        (1..)
+            .zip(levels.windows(2))
+            .filter(|(_, pair)| pair[0] != pair[1])
+            .map(|(n, _)| n)
+            .collect()
     }
 
     #[test]

@@ -134,9 +134,8 @@ impl Archive {
         match &mut self.members {
             Members::Whole(archive) => {
                 let missing = |_| {
-                    let what = format!(
-                        "the archive has no member {member}: this is not a sigrok session"
-                    );
+                    let what =
+                        format!("the archive has no member {member}: this is not a sigrok session");
                     SourceError::new(&self.name, Place::Whole, what)
                 };
                 let file = archive.by_name(member).map_err(missing)?;

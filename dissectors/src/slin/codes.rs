@@ -1,6 +1,6 @@
 //! Finding codes of SLIN.
 
-use crate::finding::{Code, Severity, Span, State};
+use crate::finding::{Code, Cure, Severity, Span, State};
 use crate::uart::name_characters;
 
 /// All of them.
@@ -52,6 +52,7 @@ pub static PARITY: Code = Code {
         LENGTH,
         POTENTIAL,
     ],
+    cure: Cure { one: "check drop cable and plug", all: "check termination, bias and screen" },
     say: |finding, record, out| {
         write!(out, "parity error in ")?;
         name_characters(finding, record, out)
@@ -76,6 +77,10 @@ pub static CHECKSUM: Code = Code {
         WIRING,
         LENGTH,
     ],
+    cure: Cure {
+        one: "read with --checksum auto, check drop cable",
+        all: "read with --checksum auto, check termination",
+    },
     say: |finding, _, out| {
         write!(
             out,
@@ -104,6 +109,7 @@ pub static ADDRESS_MISMATCH: Code = Code {
         IDENT,
         "make sure that there is one master only, and that no programming device is plugged in",
     ],
+    cure: Cure { one: "check Ident jumpers", all: "check for a second master" },
     say: |finding, _, out| {
         write!(
             out,
@@ -133,6 +139,7 @@ pub static NO_RESPONSE: Code = Code {
         "look whether other stations fall silent at the same time: then it is the line, not the encoder",
         WIRING,
     ],
+    cure: Cure { one: "check supply and plug", all: "check supply and line" },
     say: |finding, record, out| {
         let station = record.station.unwrap_or_default();
         match finding.state {
@@ -170,6 +177,7 @@ pub static MISSING_FOOTER: Code = Code {
         "measure the encoder's supply",
         WIRING,
     ],
+    cure: Cure { one: "check supply and plug", all: "read with --profile auto" },
     say: |_, record, out| write!(out, "no footer after {} characters", record.characters().len()),
 };
 
@@ -190,6 +198,7 @@ pub static TOO_MANY_WORDS: Code = Code {
         "look at the additional word: always the same value at the same place is a ghost, changing values are a second encoder",
         IDENT,
     ],
+    cure: Cure { one: "check Ident jumpers and bias", all: "check bias" },
     say: |finding, _, out| {
         write!(
             out,
@@ -215,6 +224,10 @@ pub static DUPLICATE_ADDRESS: Code = Code {
         "unplug one encoder after the other: if the address still answers, the other one is there",
         IDENT,
     ],
+    cure: Cure {
+        one: "look for a second encoder with the Ident jumpers",
+        all: "check all Ident jumpers",
+    },
     say: |finding, record, out| {
         let station = record.station.unwrap_or_default();
         match finding.limit {
@@ -249,6 +262,7 @@ pub static LATE_RESPONSE: Code = Code {
         "read with --profile auto, or set the profile of this encoder's maker",
         "check that the master's time-out is longer than what is measured",
     ],
+    cure: Cure { one: "see stats for the response times", all: "read with --profile auto" },
     say: |finding, _, out| {
         write!(
             out,
@@ -275,6 +289,7 @@ pub static EARLY_RESPONSE: Code = Code {
         "see `fieldtap stats` for the response times of this station",
         "check how fast the master's driver lets go of the line",
     ],
+    cure: Cure { one: "see stats for the response times", all: "read with --profile auto" },
     say: |finding, _, out| {
         write!(
             out,
@@ -301,6 +316,7 @@ pub static RESERVED_BITS: Code = Code {
         "see whether every request has them: then it is the master's program",
         "read with --profile auto",
     ],
+    cure: Cure { one: "check the master's program for station", all: "check the master's program" },
     say: |finding, _, out| {
         write!(out, "reserved bits of the request are {:03b}", finding.actual.unwrap_or_default())
     },
@@ -324,6 +340,7 @@ pub static STRAY_DATA: Code = Code {
         IDENT,
         "look for the same bytes at the same distance from a telegram: that is a station, not noise",
     ],
+    cure: Cure { one: "check bias, and Ident jumpers", all: "check bias" },
     say: |finding, _, out| {
         let count = finding.actual.unwrap_or_default();
         let plural = if count == 1 { "" } else { "s" };
@@ -347,6 +364,10 @@ pub static LATE_ANSWER: Code = Code {
         "compare the master's time-out with this answer's delay",
         "see whether it is always the same station: then exchange it with another of its kind",
     ],
+    cure: Cure {
+        one: "compare the master's time-out with station",
+        all: "compare the master's time-out",
+    },
     say: |finding, record, out| {
         let station = record.station.unwrap_or_default();
         match finding.actual {
@@ -374,6 +395,10 @@ pub static POSITION_JUMP: Code = Code {
         "look for parity errors around it: where some are caught, others pass",
         "if it is always the same position, it is the encoder's disc",
     ],
+    cure: Cure {
+        one: "look at the words with -v, check cable and disc",
+        all: "check termination and screen",
+    },
     say: |finding, record, out| {
         write!(
             out,
@@ -401,6 +426,10 @@ pub static NOT_SLIN: Code = Code {
         "compare the type code on the encoder with the order code for SLIN",
         "read as plain characters: --protocol uart",
     ],
+    cure: Cure {
+        one: "compare the encoder's type code; --protocol uart",
+        all: "compare the encoder's type code; --protocol uart",
+    },
     say: |finding, _, out| match finding.actual {
         Some(requests) => write!(
             out,
@@ -426,6 +455,7 @@ pub static GLITCH: Code = Code {
         "driver switching at turnaround, nearly always harmless",
     ],
     next: &[BIAS, WIRING],
+    cure: Cure { one: "check bias", all: "check bias" },
     say: |finding, record, out| {
         write!(out, "a short pulse, read as ")?;
         name_characters(finding, record, out)
@@ -443,6 +473,7 @@ pub static NO_DATA_WORDS: Code = Code {
     next: &[
         "turn the shaft: if the station never sends one zero word at 0, this is its way of saying 0",
     ],
+    cure: Cure { one: "turn the shaft", all: "turn the shafts" },
     say: |_, _, out| write!(out, "footer without data words, taken as position 0"),
 };
 
@@ -461,6 +492,7 @@ pub static AMBIGUOUS: Code = Code {
         "turn the shaft: if answers with data words appear, the station is alive",
         "compare with the master's time-out: a repetition comes after it",
     ],
+    cure: Cure { one: "turn the shaft", all: "turn the shafts" },
     say: |_, record, out| {
         let station = record.station.unwrap_or_default();
         write!(
@@ -487,6 +519,7 @@ pub static NEVER_ANSWERED: Code = Code {
         "measure the encoder's supply",
         "try the other rates of the manual: 9600, 19200, 115200, 345594 Bd",
     ],
+    cure: Cure { one: "check Ident jumpers and supply", all: "check rate and supply" },
     say: |_, record, out| {
         let station = record.station.unwrap_or_default();
         write!(out, "nobody has answered as station {station} so far")

@@ -10,7 +10,7 @@ use crate::event::{Event, Moment};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Dissector, Settings};
 use crate::record::{BusInfo, Output};
-use crate::uart::{Character, Setup, Wire};
+use crate::uart::{self, Character, ParityRule, Setup, Wire};
 use alloc::vec::Vec;
 
 /// Silence of so many response limits is no response.
@@ -39,6 +39,8 @@ impl Slin {
     /// A bus that nothing was heard of.
     #[must_use]
     pub fn new(wire: Wire, settings: &Settings) -> Self {
+        let has_parity = wire.format.parity() == ParityRule::Even;
+        let wrong_parity = (!has_parity).then(|| Finding::new(&uart::WRONG_PARITY));
         Slin {
             open: Exchange::empty(),
             ledger: Ledger::new(wire, settings),
@@ -46,7 +48,7 @@ impl Slin {
             is_beginning: true,
             last: None,
             patience: PATIENCE * Window::BAUMER.latest,
-            pending: Vec::new(),
+            pending: wrong_parity.into_iter().collect(),
             at_end: Vec::new(),
         }
     }

@@ -1,6 +1,6 @@
 //! Finding codes of the serial line itself.
 
-use crate::finding::{Code, Finding, Severity, Span};
+use crate::finding::{Code, Cure, Finding, Severity, Span};
 use crate::record::{Heard, Record};
 use core::fmt;
 
@@ -27,6 +27,7 @@ pub static FRAMING: Code = Code {
         "check that no two stations have the same Ident jumpers",
         "check the cable screen and its distance to motor cables",
     ],
+    cure: Cure { one: "check drop cable and plug", all: "check termination, bias and screen" },
     say: |finding, record, out| {
         write!(out, "stop bit missing in ")?;
         name_characters(finding, record, out)
@@ -51,6 +52,7 @@ pub static BREAK: Code = Code {
         "unplug stations one by one until the breaks stop",
         "unpowered, measure between the lines: about 60 Ω",
     ],
+    cure: Cure { one: "check supply and driver", all: "check bias and drivers" },
     say: |_, record, out| match record.heard {
         Heard::Break(event) => match event.duration {
             Some(ns) => write!(out, "line held low for {}", Span(ns.cast_signed())),
@@ -75,6 +77,10 @@ pub static OVERRUN: Code = Code {
         "record again with less running beside it, or with an adapter that has a larger buffer",
         "do not take findings next to the gap for faults of the bus",
     ],
+    cure: Cure {
+        one: "record again with less running beside it",
+        all: "record again with less running beside it",
+    },
     say: |_, record, out| lost(record, out, "the receiver was overrun"),
 };
 
@@ -93,6 +99,10 @@ pub static LOST: Code = Code {
         "record again; a lower sample rate (8 samples a bit are plenty) makes logic analyzers lose less",
         "do not take findings next to the gap for faults of the bus",
     ],
+    cure: Cure {
+        one: "record again; judge nothing next to the gap",
+        all: "record again; judge nothing next to the gap",
+    },
     say: |_, record, out| lost(record, out, "the capture has a gap"),
 };
 
@@ -112,6 +122,10 @@ pub static SWAPPED_LINES: Code = Code {
         "swap the two wires of the tap, or read the capture with --invert yes",
         "if that makes it worse, measure the idle voltage: it must be above 200 mV",
     ],
+    cure: Cure {
+        one: "swap A and B at the tap, or --invert yes",
+        all: "swap A and B at the tap, or --invert yes",
+    },
     say: |finding, _, out| {
         write!(
             out,
@@ -137,6 +151,7 @@ pub static WRONG_RATE: Code = Code {
         "let it be found: --baud auto, or try 115200, 19200, 9600 and 345594",
         "read the rate from the encoders' type plates and from the master's configuration",
     ],
+    cure: Cure { one: "--baud auto", all: "--baud auto" },
     say: |finding, _, out| {
         write!(
             out,
@@ -153,7 +168,7 @@ pub static WRONG_PARITY: Code = Code {
     severity: Severity::Warning,
     meaning: "The parity that was set is probably not the parity of the line.",
     rule: "SLIN characters have 8 data bits and even parity: 8E1 (TR SLIN §6; Baumer SLIN §3.2 with \"11 UART character bits\").",
-    evidence: "Nearly every one of the first characters has a parity error and none a framing error (odd for even), or those whose even parity bit would be 0 have a framing error and the others none (no parity for even). Told once.",
+    evidence: "Nearly every one of the first characters has a parity error and none a framing error (odd for even), or those whose even parity bit would be 0 have a framing error and the others none (no parity for even); or the line has another format than SLIN. Told once.",
     causes: &[
         "the tap is set to 8O1 or 8N1 instead of 8E1",
         "master and encoders were configured with odd parity",
@@ -162,13 +177,14 @@ pub static WRONG_PARITY: Code = Code {
         "set the tap to 8E1, or let it be found: --frame auto",
         "if the line really has odd parity, this is not a SLIN bus as the manuals describe it",
     ],
-    say: |finding, _, out| {
-        write!(
+    cure: Cure { one: "--frame auto; SLIN is 8E1", all: "--frame auto; SLIN is 8E1" },
+    say: |finding, record, out| match finding.limit {
+        Some(all) => write!(
             out,
-            "{} of the first {} characters fail in the way of a wrong parity setting",
-            finding.actual.unwrap_or_default(),
-            finding.limit.unwrap_or_default()
-        )
+            "{} of the first {all} characters fail in the way of a wrong parity setting",
+            finding.actual.unwrap_or_default()
+        ),
+        None => write!(out, "the characters are {}, SLIN's are 8E1", record.wire.format),
     },
 };
 

@@ -67,14 +67,10 @@ impl Layer for Plain<'_> {
             _ => {}
         }
         match character.parity() {
-            Parity::Error => write!(out, ", parity error")?,
-            Parity::Suspect => write!(out, ", parity suspect")?,
-            _ => {}
+            Parity::Error => write!(out, ", parity error"),
+            Parity::Suspect => write!(out, ", parity suspect"),
+            _ => Ok(()),
         }
-        if character.has_framing_error() {
-            write!(out, ", stop bit missing")?;
-        }
-        Ok(())
     }
 
     fn name_character(&self, _: usize, out: &mut dyn fmt::Write) -> fmt::Result {
@@ -97,7 +93,7 @@ impl Uart {
     fn character(&mut self, bus: &BusInfo, character: &Character, out: &mut Output<'_>) {
         let plain = Plain { character: Some(character) };
         let framing = [Finding::new(&FRAMING).on_characters(1)];
-        let mut record = Record::new(&PROTOCOL, CHARACTER, bus, &plain)
+        let mut record = Record::new(&PROTOCOL, CHARACTER, (bus, self.wire), &plain)
             .of_characters(core::slice::from_ref(character));
         record.duration = self.wire.character_ns().map(i64::unsigned_abs);
         if character.has_framing_error() {
@@ -105,7 +101,7 @@ impl Uart {
         }
         out.emit(record);
         if let Some(finding) = self.setup.hear(character) {
-            event(bus, finding, character.start, out);
+            event((bus, self.wire), finding, character.start, out);
         }
     }
 }
@@ -113,7 +109,7 @@ impl Uart {
 impl Dissector for Uart {
     fn hear(&mut self, bus: &BusInfo, heard: Event<'_>, out: &mut Output<'_>) {
         let nothing = Plain { character: None };
-        let blank = Record::new(&PROTOCOL, CHARACTER, bus, &nothing);
+        let blank = Record::new(&PROTOCOL, CHARACTER, (bus, self.wire), &nothing);
         match heard {
             Event::Characters(characters) => {
                 characters.iter().for_each(|character| self.character(bus, character, out));
@@ -122,7 +118,7 @@ impl Dissector for Uart {
                 out.emit(blank.of_break(line_break));
                 let told = self.setup.hear_break(&line_break, self.wire.character_ns());
                 if let Some(finding) = told {
-                    event(bus, finding, line_break.start, out);
+                    event((bus, self.wire), finding, line_break.start, out);
                 }
             }
             Event::Lost(loss) => {
@@ -135,7 +131,7 @@ impl Dissector for Uart {
     fn finish(&mut self, bus: &BusInfo, end: Moment, out: &mut Output<'_>) {
         let setup = self.setup.finish();
         for finding in setup.into_iter().chain(self.at_end.drain(..)) {
-            event(bus, finding, end, out);
+            event((bus, self.wire), finding, end, out);
         }
     }
 
@@ -152,7 +148,7 @@ impl Dissector for Uart {
     }
 }
 
-fn event(bus: &BusInfo, finding: Finding, start: Moment, out: &mut Output<'_>) {
+fn event(at: (&BusInfo, Wire), finding: Finding, start: Moment, out: &mut Output<'_>) {
     let (nothing, findings) = (Plain { character: None }, [finding]);
-    out.emit(Record::new(&PROTOCOL, CHARACTER, bus, &nothing).of_event(start, &findings));
+    out.emit(Record::new(&PROTOCOL, CHARACTER, at, &nothing).of_event(start, &findings));
 }

@@ -108,7 +108,8 @@ fn candidate_rates(edges: &Edges, ticks_per_second: u64, given: LineSettings) ->
         return alloc::vec![baud];
     }
     let bit_of = |rate: u32| ticks_per_second as f64 / f64::from(rate);
-    let mut usual: Vec<u32> = RATES.into_iter().filter(|r| fits(&edges.ticks, bit_of(*r))).collect();
+    let mut usual: Vec<u32> =
+        RATES.into_iter().filter(|r| fits(&edges.ticks, bit_of(*r))).collect();
     usual.sort_unstable();
     let mut rates: Vec<u32> = Vec::new();
     for rate in usual {

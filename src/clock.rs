@@ -1,0 +1,139 @@
+//! How times are shown.
+
+use crate::cli::TimeStyle;
+use crate::tally::Period;
+use dissectors::event::Moment;
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+use std::fmt;
+
+/// Times from here on are taken for dates, not for seconds since the capture's start: 1973.
+const FIRST_DATE_NS: i64 = 100_000_000_000_000_000;
+
+/// Turns moments into text.
+#[derive(Clone, Debug)]
+pub struct Clock {
+    style: TimeStyle,
+    /// The first time seen, if it is a date: where relative times begin.
+    zero: Option<i64>,
+    last: Option<i64>,
+}
+
+impl Clock {
+    /// A clock of that style.
+    pub fn new(style: TimeStyle) -> Clock {
+        Clock { style, zero: None, last: None }
+    }
+
+    /// Takes note of the next record's time, and returns how much later it is than the one before.
+    pub fn tick(&mut self, time: Moment) -> Option<i64> {
+        let ns = time.ns()?;
+        if self.zero.is_none() {
+            self.zero = Some(if ns >= FIRST_DATE_NS { ns } else { 0 });
+        }
+        let delta = self.last.map(|last| ns.saturating_sub(last));
+        self.last = Some(ns);
+        delta
+    }
+
+    /// Nanoseconds since the capture's start.
+    pub fn relative(&self, time: Moment) -> Option<i64> {
+        Some(time.ns()?.saturating_sub(self.zero.unwrap_or(0)))
+    }
+
+    /// The time in this style, given how much later it is than the record before.
+    pub fn show(&self, time: Moment, delta: Option<i64>) -> Shown {
+        match (self.style, time.ns()) {
+            (_, None) => Shown::Nothing,
+            (TimeStyle::Delta, Some(_)) => Shown::Seconds(delta.unwrap_or(0)),
+            (TimeStyle::Absolute, Some(ns)) if ns >= FIRST_DATE_NS => Shown::Date(ns),
+            (_, Some(_)) => Shown::Seconds(self.relative(time).unwrap_or(0)),
+        }
+    }
+
+    /// A period as `, 10:41:07 to 10:41:09`, or nothing where there are no times.
+    pub fn period(&self, period: Period) -> String {
+        let (Some(first), Some(last)) = (period.first.ns(), period.last.ns()) else {
+            return String::new();
+        };
+        let text = |ns: i64| match time_of_day(ns) {
+            Some(text) if ns >= FIRST_DATE_NS => text,
+            _ => format!("{:.3} s", ns as f64 / 1e9),
+        };
+        let (first, last) = (text(first), text(last));
+        if first == last { format!(", {first}") } else { format!(", {first} to {last}") }
+    }
+}
+
+/// A time as it is shown.
+#[derive(Clone, Copy, Debug)]
+pub enum Shown {
+    /// There is none.
+    Nothing,
+    /// Seconds, in ns.
+    Seconds(i64),
+    /// Date and time of day, in ns since the Unix epoch.
+    Date(i64),
+}
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Shown::Nothing => Ok(()),
+            Shown::Seconds(ns) => {
+                let sign = if ns < 0 { "-" } else { "" };
+                let us = (ns.unsigned_abs() + 500) / 1_000;
+                write!(f, "{sign}{}.{:06}", us / 1_000_000, us % 1_000_000)
+            }
+            Shown::Date(ns) => match Timestamp::from_nanosecond(i128::from(ns)) {
+                Ok(time) => write!(f, "{}", time.to_zoned(TimeZone::UTC).strftime("%F %T%.6f")),
+                Err(_) => Shown::Seconds(ns).fmt(f),
+            },
+        }
+    }
+}
+
+/// Seconds with nine decimals, exact.
+pub struct Exact(pub i64);
+
+impl fmt::Display for Exact {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.0 < 0 { "-" } else { "" };
+        let ns = self.0.unsigned_abs();
+        write!(f, "{sign}{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000)
+    }
+}
+
+fn time_of_day(ns: i64) -> Option<String> {
+    let time = Timestamp::from_nanosecond(i128::from(ns)).ok()?;
+    Some(time.to_zoned(TimeZone::UTC).strftime("%T").to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_dates_and_seconds_seconds() {
+        // 1700000000 s after the epoch is 2023-11-14 22:13:20 UTC.
+        let date = Moment::from_ns(1_700_000_000_123_456_789);
+        let mut clock = Clock::new(TimeStyle::Absolute);
+        assert_eq!(clock.tick(date), None);
+        assert_eq!(clock.show(date, None).to_string(), "2023-11-14 22:13:20.123456");
+        let later = date.plus(1_500_000);
+        let mut clock = Clock::new(TimeStyle::Relative);
+        clock.tick(date);
+        assert_eq!(clock.tick(later), Some(1_500_000));
+        assert_eq!(clock.show(later, None).to_string(), "0.001500");
+    }
+
+    #[test]
+    fn times_since_the_start_stay_as_they_are() {
+        let mut clock = Clock::new(TimeStyle::Absolute);
+        let time = Moment::from_ns(2_500_000_499);
+        clock.tick(time);
+        assert_eq!(clock.show(time, None).to_string(), "2.500000");
+        assert_eq!(clock.show(Moment::UNKNOWN, None).to_string(), "");
+        assert_eq!(Exact(-1_000_000_001).to_string(), "-1.000000001");
+    }
+}

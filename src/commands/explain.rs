@@ -1,0 +1,89 @@
+//! `explain`: what a finding means, and what to do at the machine.
+
+use crate::decode::USAGE;
+use clap::Args;
+use dissectors::finding::Code;
+use dissectors::protocol::codes;
+use std::process::ExitCode;
+
+/// Columns of a line of text.
+const WIDTH: usize = 96;
+
+/// Which finding.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// A finding's code, such as slin.checksum. Without one, all are listed.
+    code: Option<String>,
+}
+
+/// Explains it.
+pub fn run(arguments: &Arguments) -> ExitCode {
+    let Some(name) = &arguments.code else {
+        let list = codes().map(|code| {
+            format!("{:<24} {:<8} {}\n", code.name, code.severity.name(), code.meaning)
+        });
+        return super::print(&list.collect::<String>());
+    };
+    match codes().find(|code| code.name == name) {
+        Some(code) => super::print(&explanation(code)),
+        None => {
+            eprintln!("fieldtap: there is no finding {name}: `fieldtap explain` lists them");
+            ExitCode::from(USAGE)
+        }
+    }
+}
+
+fn explanation(code: &Code) -> String {
+    let mut text = format!("{} ({})\n", code.name, code.severity.name());
+    text.push_str(&wrapped(code.meaning, "", ""));
+    for (heading, paragraph) in [("The rule", code.rule), ("The evidence", code.evidence)] {
+        text.push_str(&format!("\n{heading}\n{}", wrapped(paragraph, "  ", "  ")));
+    }
+    for (heading, list) in
+        [("Likely causes, the likeliest first", code.causes), ("What to do next", code.next)]
+    {
+        text.push_str(&format!("\n{heading}\n"));
+        for (number, item) in (1..).zip(list) {
+            text.push_str(&wrapped(item, &format!("  {number}. "), "     "));
+        }
+    }
+    text
+}
+
+/// A paragraph in lines, the first with its own indent.
+fn wrapped(paragraph: &str, first: &str, rest: &str) -> String {
+    let mut text = String::new();
+    let mut line = first.to_owned();
+    let mut is_empty = true;
+    for word in paragraph.split(' ') {
+        if !is_empty && line.chars().count() + 1 + word.chars().count() > WIDTH {
+            text.push_str(&line);
+            text.push('\n');
+            line = rest.to_owned();
+            is_empty = true;
+        }
+        if !is_empty {
+            line.push(' ');
+        }
+        line.push_str(word);
+        is_empty = false;
+    }
+    text + &line + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_explanation_is_complete_and_fits() {
+        for code in codes() {
+            let text = explanation(code);
+            assert!(!code.causes.is_empty() && !code.next.is_empty(), "{}", code.name);
+            assert!(!code.cure.one.is_empty() && !code.cure.all.is_empty(), "{}", code.name);
+            for line in text.lines() {
+                assert!(line.chars().count() <= WIDTH, "{line}");
+            }
+        }
+    }
+}

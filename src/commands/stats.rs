@@ -1,0 +1,235 @@
+//! `stats`: stations, findings and response times of a capture.
+
+use crate::cli::Decoding;
+use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
+use crate::export::Export;
+use crate::tally::{FindingTally, Period, StationTally};
+use crate::verdict::Learned;
+use clap::{Args, ValueEnum};
+use dissectors::bus::Bus;
+use dissectors::finding::Span;
+use dissectors::record::{Record, Sink};
+use serde_json::{Map, Value, json};
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+/// What to sum up, and how.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    decoding: Decoding,
+
+    /// Form of the statistics.
+    #[arg(long, value_name = "FORM", default_value = "text", help_heading = "Output")]
+    format: Form,
+}
+
+/// The forms of statistics.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+enum Form {
+    /// Tables for people.
+    Text,
+    /// One JSON object.
+    Json,
+}
+
+/// Prints the statistics.
+pub fn run(arguments: &Arguments) -> ExitCode {
+    let decoding = &arguments.decoding;
+    let settings = match settings(decoding) {
+        Ok(settings) => settings,
+        Err(error) => {
+            eprintln!("fieldtap: {error:#}");
+            return ExitCode::from(USAGE);
+        }
+    };
+    let mut nowhere = Nowhere;
+    let outcome = decode(decoding, settings, &mut nowhere);
+    let text = match arguments.format {
+        Form::Text => text(&outcome),
+        Form::Json => format!("{:#}\n", as_json(&outcome)),
+    };
+    match io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("fieldtap: the output cannot be written: {error}");
+            ExitCode::from(FAILED)
+        }
+        Ok(()) => {
+            outcome.report();
+            outcome.exit_code()
+        }
+    }
+}
+
+/// Statistics need no record but in passing.
+struct Nowhere;
+
+impl Sink for Nowhere {
+    fn record(&mut self, _: &Record<'_>) {}
+}
+
+impl Export for Nowhere {
+    fn status(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Percentiles that are told of response times.
+fn percentiles(station: &StationTally) -> Option<[(&'static str, u64); 4]> {
+    let times = &station.response_times;
+    (!times.is_empty()).then(|| {
+        [
+            ("min", times.min()),
+            ("median", times.value_at_quantile(0.5)),
+            ("p99", times.value_at_quantile(0.99)),
+            ("max", times.max()),
+        ]
+    })
+}
+
+/// Requests a second.
+fn rate(station: &StationTally) -> Option<f64> {
+    let seconds = station.period.length().filter(|ns| *ns > 0)? as f64 / 1e9;
+    let telegrams = station.asked.max(station.answers);
+    (telegrams > 1).then(|| (telegrams - 1) as f64 / seconds)
+}
+
+/// A String takes any text, so writing to it cannot fail.
+fn text(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    let tally = &outcome.tally;
+    let _ = writeln!(
+        text,
+        "{:<8} {:>4} {:>8} {:>8} {:>9}  {:>9} {:>9} {:>9} {:>9}",
+        "bus", "who", "asked", "answered", "per s", "min", "median", "p99", "max"
+    );
+    for station in &tally.stations {
+        let rate = rate(station).map_or(String::new(), |rate| format!("{rate:.1}"));
+        let _ = write!(
+            text,
+            "{:<8} {:>4} {:>8} {:>8} {rate:>9} ",
+            station.bus, station.station, station.asked, station.answered
+        );
+        for (_, ns) in percentiles(station).unwrap_or_default() {
+            let time = Span(ns.cast_signed()).to_string();
+            let _ = write!(text, " {:>9}", if ns == 0 { "" } else { &time });
+        }
+        let _ = writeln!(text);
+    }
+    let _ =
+        writeln!(text, "\n{:<24} {:>4} {:>8} {:<8} when", "finding", "who", "count", "severity");
+    for finding in sorted(&tally.findings) {
+        let who = finding.station.map_or(String::new(), |station| station.to_string());
+        let (name, severity) = (finding.code.name, finding.code.severity.name());
+        let when = outcome.clock.period(finding.period);
+        let when = when.trim_start_matches(", ");
+        let _ = writeln!(text, "{name:<24} {who:>4} {:>8} {severity:<8} {when}", finding.count);
+    }
+    if tally.findings.is_empty() {
+        text.push_str("none\n");
+    }
+    text.push('\n');
+    for (name, count) in &tally.withheld {
+        let _ = writeln!(text, "withheld {name}: {count} x");
+    }
+    for bus in outcome.pipeline.buses() {
+        for learned in Learned::of(bus) {
+            let _ = writeln!(text, "auto {}: {learned}", bus.info().name);
+        }
+    }
+    for (heading, line) in outcome.verdict().lines() {
+        let _ = writeln!(text, "{heading:<6} {line}");
+    }
+    text
+}
+
+/// The worst and the most frequent first.
+fn sorted(findings: &[FindingTally]) -> Vec<&FindingTally> {
+    let mut sorted: Vec<&FindingTally> = findings.iter().collect();
+    sorted.sort_by_key(|finding| std::cmp::Reverse((finding.code.severity, finding.count)));
+    sorted
+}
+
+fn as_json(outcome: &Outcome) -> Value {
+    let tally = &outcome.tally;
+    let verdict: Map<String, Value> = outcome
+        .verdict()
+        .lines()
+        .into_iter()
+        .map(|(heading, line)| (heading.to_lowercase(), line.into()))
+        .collect();
+    json!({
+        "records": tally.records,
+        "buses": outcome.pipeline.buses().iter().map(bus_json).collect::<Vec<_>>(),
+        "stations": tally.stations.iter().map(station_json).collect::<Vec<_>>(),
+        "findings": sorted(&tally.findings).into_iter().map(finding_json).collect::<Vec<_>>(),
+        "withheld": tally.withheld,
+        "verdict": verdict,
+    })
+}
+
+fn bus_json(bus: &Bus) -> Value {
+    let (counts, wire) = (bus.counts(), bus.wire());
+    json!({
+        "bus": bus.info().name,
+        "clock": bus.info().clock.map(|clock| clock.name()),
+        "protocol": bus.protocol().map(|protocol| protocol.name),
+        "baud": wire.baud.map(|baud| baud.get()),
+        "frame": wire.format.to_string(),
+        "inverted": bus.is_inverted(),
+        "characters": counts.characters,
+        "damaged": counts.damaged,
+        "unknown_parity": counts.unknown_parity,
+        "glitches": counts.glitches,
+        "breaks": counts.breaks,
+        "losses": counts.losses,
+        "auto": bus.conclusions().into_iter().map(|conclusion| json!({
+            "subject": conclusion.subject,
+            "station": conclusion.station,
+            "value": conclusion.value,
+            "evidence": conclusion.evidence,
+        })).collect::<Vec<_>>(),
+    })
+}
+
+fn station_json(station: &StationTally) -> Value {
+    let times: Option<Map<String, Value>> = percentiles(station)
+        .map(|times| times.into_iter().map(|(name, ns)| (name.to_owned(), ns.into())).collect());
+    let mut object = json!({
+        "bus": station.bus,
+        "station": station.station,
+        "asked": station.asked,
+        "answered": station.answered,
+        "answers": station.answers,
+        "rate_per_s": rate(station),
+        "response_time_ns": times,
+    });
+    add_period(&mut object, station.period);
+    object
+}
+
+fn finding_json(finding: &FindingTally) -> Value {
+    let mut object = json!({
+        "code": finding.code.name,
+        "severity": finding.code.severity.name(),
+        "bus": finding.bus,
+        "station": finding.station,
+        "count": finding.count,
+    });
+    add_period(&mut object, finding.period);
+    object
+}
+
+fn add_period(object: &mut Value, period: Period) {
+    for (key, time) in [("first_ns", period.first), ("last_ns", period.last)] {
+        if let Some(ns) = time.ns() {
+            object[key] = ns.into();
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! The table for people: one line a telegram, within 100 columns.
+
+use super::Export;
+use crate::clock::{Clock, Exact};
+use anstyle::{AnsiColor, Style};
+use dissectors::finding::Severity;
+use dissectors::record::{Record, Sink};
+use dissectors::uart::{Character, Parity};
+use std::fmt::Write as _;
+use std::io::{self, Write};
+
+/// Columns that a line fits in.
+const WIDTH: usize = 100;
+
+/// Columns of the bus's name.
+const BUS: usize = 6;
+
+/// Columns of the bytes: those of the longest telegram.
+const BYTES: usize = 17;
+
+/// Writes records as a table.
+pub struct Text<W> {
+    out: W,
+    result: io::Result<()>,
+    clock: Clock,
+    has_colour: bool,
+    is_verbose: bool,
+    has_header: bool,
+    line: String,
+    sentence: String,
+}
+
+impl<W: Write> Text<W> {
+    /// Writes to `out`; with the characters below each telegram if verbose.
+    pub fn new(out: W, clock: Clock, has_colour: bool, is_verbose: bool) -> Self {
+        Text {
+            out,
+            result: Ok(()),
+            clock,
+            has_colour,
+            is_verbose,
+            has_header: false,
+            line: String::new(),
+            sentence: String::new(),
+        }
+    }
+
+    fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
+        if !self.has_header {
+            self.has_header = true;
+            writeln!(
+                self.out,
+                "{:>7} {:>14} {:<BUS$} {:<BYTES$}  what",
+                "n", "time", "bus", "bytes"
+            )?;
+        }
+        self.compose(record);
+        let severity = record.findings.iter().map(|finding| finding.severity()).max();
+        let style = severity.filter(|_| self.has_colour).map(style);
+        shorten(&mut self.line, WIDTH);
+        write_styled(&mut self.out, style, &self.line)?;
+        if self.is_verbose {
+            self.write_findings(record)?;
+            self.write_characters(record)?;
+        }
+        Ok(())
+    }
+
+    /// The line of a record. A String takes any text.
+    fn compose(&mut self, record: &Record<'_>) {
+        let (line, sentence) = (&mut self.line, &mut self.sentence);
+        line.clear();
+        let delta = self.clock.tick(record.start);
+        let time = self.clock.show(record.start, delta).to_string();
+        let _ = write!(line, "{:>7} {time:>14} ", record.n);
+        sentence.clear();
+        push_clean(sentence, &record.bus.name);
+        shorten(sentence, BUS);
+        let _ = write!(line, "{sentence:<BUS$} ");
+        sentence.clear();
+        for character in record.characters() {
+            let separator = if sentence.is_empty() { "" } else { " " };
+            let _ = write!(sentence, "{separator}{:02X}", character.value());
+        }
+        shorten(sentence, BYTES);
+        let _ = write!(line, "{sentence:<BYTES$} ");
+        let severity = record.findings.iter().map(|finding| finding.severity()).max();
+        line.push(severity.map_or(' ', mark));
+        line.push(' ');
+        sentence.clear();
+        let _ = record.summarize(sentence);
+        push_clean(line, sentence);
+        // An event is its finding.
+        if record.characters().is_empty() {
+            return;
+        }
+        let mut separator = "; ";
+        for finding in record.findings {
+            sentence.clear();
+            let _ = finding.say(record, sentence);
+            line.push_str(separator);
+            push_clean(line, sentence);
+            separator = ", ";
+        }
+    }
+
+    fn write_findings(&mut self, record: &Record<'_>) -> io::Result<()> {
+        for finding in record.findings {
+            self.sentence.clear();
+            let _ = finding.say(record, &mut self.sentence);
+            self.line.clear();
+            let _ = write!(self.line, "{:24}[{} ", "", finding.severity().name());
+            let _ = write!(self.line, "{}] ", finding.code.name);
+            push_clean(&mut self.line, &self.sentence);
+            let style = self.has_colour.then(|| style(finding.severity()));
+            write_styled(&mut self.out, style, &self.line)?;
+        }
+        Ok(())
+    }
+
+    fn write_characters(&mut self, record: &Record<'_>) -> io::Result<()> {
+        for (index, character) in record.characters().iter().enumerate() {
+            self.sentence.clear();
+            let _ = record.layer.name_character(index, &mut self.sentence);
+            let time = self.clock.relative(character.start).map(|ns| Exact(ns).to_string());
+            writeln!(
+                self.out,
+                "{:>22} {:<6} {:<17}  {:02X}  {}  {}",
+                time.unwrap_or_default(),
+                "",
+                bits(character, record),
+                character.value(),
+                state(character),
+                self.sentence,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl<W: Write> Sink for Text<W> {
+    fn record(&mut self, record: &Record<'_>) {
+        if self.result.is_ok() {
+            self.result = self.write(record);
+        }
+    }
+}
+
+impl<W: Write> Export for Text<W> {
+    fn status(&mut self) -> io::Result<()> {
+        std::mem::replace(&mut self.result, Ok(()))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+fn write_styled(out: &mut impl Write, style: Option<Style>, text: &str) -> io::Result<()> {
+    match style {
+        Some(style) => writeln!(out, "{style}{text}{style:#}"),
+        None => writeln!(out, "{text}"),
+    }
+}
+
+/// A character's bits in the order they are sent: start bit, data bits, parity bit, stop bit.
+fn bits(character: &Character, record: &Record<'_>) -> String {
+    let format = record.wire.format;
+    let mut text = "0 ".to_owned();
+    for bit in 0..format.data_bits() {
+        text.push(if character.value() >> bit & 1 == 1 { '1' } else { '0' });
+    }
+    let fitting = format.parity().bit(character.value());
+    match (fitting, character.parity()) {
+        (None, _) | (_, Parity::None) => {}
+        (Some(_), Parity::Unknown | Parity::Suspect) => text.push_str(" ?"),
+        (Some(bit), Parity::Ok) => text.push_str(if bit { " 1" } else { " 0" }),
+        (Some(bit), Parity::Error) => text.push_str(if bit { " 0" } else { " 1" }),
+    }
+    text.push_str(if character.has_framing_error() { " 0" } else { " 1" });
+    text
+}
+
+fn state(character: &Character) -> &'static str {
+    match (character.has_framing_error(), character.parity()) {
+        (true, _) => "framing error ",
+        (_, Parity::Error) => "parity error  ",
+        (_, Parity::Suspect) => "parity suspect",
+        (_, Parity::Unknown) => "parity unknown",
+        (_, Parity::Ok | Parity::None) => "ok            ",
+    }
+}
+
+const fn mark(severity: Severity) -> char {
+    match severity {
+        Severity::Error => 'E',
+        Severity::Warning => 'W',
+        Severity::Info => 'i',
+    }
+}
+
+const fn style(severity: Severity) -> Style {
+    match severity {
+        Severity::Error => AnsiColor::Red.on_default().bold(),
+        Severity::Warning => AnsiColor::Yellow.on_default(),
+        Severity::Info => AnsiColor::Cyan.on_default(),
+    }
+}
+
+/// Names come from outside: what would steer a terminal is shown as a dot.
+fn push_clean(text: &mut String, from: &str) {
+    text.extend(from.chars().map(|c| if c.is_control() { '·' } else { c }));
+}
+
+/// Leaves at most so many columns, the last one a mark where something is left out.
+fn shorten(text: &mut String, columns: usize) {
+    let mut ends = text.char_indices().map(|(start, _)| start).skip(columns - 1);
+    if let (Some(last), Some(_)) = (ends.next(), ends.next()) {
+        text.truncate(last);
+        text.push('…');
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_lines_end_in_a_mark() {
+        for (text, short) in [("", ""), ("abc", "abc"), ("abcd", "ab…"), ("µµµµ", "µµ…")]
+        {
+            let mut text = text.to_owned();
+            shorten(&mut text, 3);
+            assert_eq!(text, short);
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! What a run has seen, counted: the basis of the last lines and of `stats`.
+
+use dissectors::event::Moment;
+use dissectors::field::{Role, Value};
+use dissectors::finding::{Code, Severity, State};
+use dissectors::record::{Record, Sink, Turn};
+use hdrhistogram::Histogram;
+use std::collections::BTreeMap;
+
+/// Significant digits of response times.
+const DIGITS: u8 = 3;
+
+/// First and last time of something.
+#[derive(Clone, Copy, Debug)]
+pub struct Period {
+    /// When it was first seen; unknown where the source has no times.
+    pub first: Moment,
+    /// When it was last seen.
+    pub last: Moment,
+}
+
+impl Period {
+    const NEVER: Period = Period { first: Moment::UNKNOWN, last: Moment::UNKNOWN };
+
+    fn add(&mut self, time: Moment) {
+        if !self.first.is_known() {
+            self.first = time;
+        }
+        if time.is_known() {
+            self.last = time;
+        }
+    }
+
+    /// From first to last in ns.
+    pub fn length(&self) -> Option<i64> {
+        self.last.since(self.first)
+    }
+}
+
+/// What is known of one station on one bus.
+#[derive(Clone, Debug)]
+pub struct StationTally {
+    /// The bus it is on.
+    pub bus: String,
+    /// Its number.
+    pub station: u16,
+    /// How often it was asked.
+    pub asked: u64,
+    /// How often it answered when it was asked.
+    pub answered: u64,
+    /// Records of answers, asked for or not.
+    pub answers: u64,
+    /// When it was asked or answered.
+    pub period: Period,
+    /// Its response times in ns.
+    pub response_times: Histogram<u64>,
+}
+
+/// One finding code at one station, or at none.
+#[derive(Clone, Debug)]
+pub struct FindingTally {
+    /// The code.
+    pub code: &'static Code,
+    /// The bus.
+    pub bus: String,
+    /// The station it concerns.
+    pub station: Option<u16>,
+    /// How often, ends of states not counted.
+    pub count: u64,
+    /// When.
+    pub period: Period,
+}
+
+/// Everything that was counted.
+#[derive(Default)]
+pub struct Tally {
+    /// Records.
+    pub records: u64,
+    /// Stations, in the order they appeared.
+    pub stations: Vec<StationTally>,
+    /// Findings, in the order they appeared.
+    pub findings: Vec<FindingTally>,
+    /// Judgements that were withheld, by code.
+    pub withheld: BTreeMap<&'static str, u64>,
+    /// The time of all records.
+    pub period: Option<Period>,
+    /// Largest ± of a stamp in ns.
+    pub uncertainty: u32,
+    /// The request that was asked last, and whose it was: the index of its station.
+    last_asked: Option<(u64, usize)>,
+}
+
+impl Tally {
+    /// The worst severity found.
+    pub fn worst(&self) -> Option<Severity> {
+        self.findings.iter().map(|finding| finding.code.severity).max()
+    }
+
+    /// How often anything this bad was found.
+    pub fn count(&self, severity: Severity) -> u64 {
+        let this_bad = self.findings.iter().filter(|finding| finding.code.severity == severity);
+        this_bad.map(|finding| finding.count).sum()
+    }
+
+    fn station(&mut self, bus: &str, station: u16) -> usize {
+        let is_it = |tally: &StationTally| tally.station == station && tally.bus == bus;
+        self.stations.iter().position(is_it).unwrap_or_else(|| {
+            self.stations.push(StationTally {
+                bus: bus.to_owned(),
+                station,
+                asked: 0,
+                answered: 0,
+                answers: 0,
+                period: Period::NEVER,
+                response_times: histogram(),
+            });
+            self.stations.len() - 1
+        })
+    }
+
+    fn add_turn(&mut self, record: &Record<'_>, station: u16) {
+        if record.turn == Turn::Neither {
+            return;
+        }
+        let index = self.station(&record.bus.name, station);
+        let tally = &mut self.stations[index];
+        tally.period.add(record.start);
+        if record.turn == Turn::Asks {
+            tally.asked += 1;
+            self.last_asked = Some((record.n, index));
+            return;
+        }
+        tally.answers += 1;
+        let Value::Int(request) = record.by_role(Role::Request) else { return };
+        if self.last_asked.is_some_and(|(n, asked)| asked == index && n as i64 == request) {
+            self.last_asked = None;
+            tally.answered += 1;
+            if let Value::Int(ns) = record.by_role(Role::ResponseTime) {
+                // The histogram grows with its values.
+                let _ = tally.response_times.record(u64::try_from(ns).unwrap_or(0));
+            }
+        }
+    }
+
+    fn add_findings(&mut self, record: &Record<'_>) {
+        for finding in record.findings {
+            if matches!(finding.state, Some(State::End(_))) {
+                continue;
+            }
+            let is_it = |tally: &FindingTally| {
+                tally.code == finding.code
+                    && tally.station == record.station
+                    && tally.bus == record.bus.name
+            };
+            let index = self.findings.iter().position(is_it).unwrap_or_else(|| {
+                self.findings.push(FindingTally {
+                    code: finding.code,
+                    bus: record.bus.name.clone(),
+                    station: record.station,
+                    count: 0,
+                    period: Period::NEVER,
+                });
+                self.findings.len() - 1
+            });
+            self.findings[index].count += 1;
+            self.findings[index].period.add(record.start);
+        }
+        for code in record.withheld {
+            *self.withheld.entry(code.name).or_default() += 1;
+        }
+    }
+}
+
+impl Sink for Tally {
+    fn record(&mut self, record: &Record<'_>) {
+        self.records += 1;
+        self.period.get_or_insert(Period::NEVER).add(record.start);
+        self.uncertainty = self.uncertainty.max(record.uncertainty);
+        if let Some(station) = record.station {
+            self.add_turn(record, station);
+        }
+        self.add_findings(record);
+    }
+}
+
+fn histogram() -> Histogram<u64> {
+    // Three digits are among those it allows; the fallback is never needed.
+    Histogram::new(DIGITS).unwrap_or_else(|_| unreachable!("three digits are allowed"))
+}

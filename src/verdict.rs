@@ -1,0 +1,252 @@
+//! The last four lines: what a technician asks first.
+//!
+//! Is the line all right, who is there, what was wrong, and what could not be judged.
+
+use crate::clock::Clock;
+use crate::tally::{FindingTally, StationTally, Tally};
+use dissectors::bus::{Bus, LineCounts};
+use dissectors::finding::{Severity, Span};
+use dissectors::protocol::Conclusion;
+use std::collections::BTreeMap;
+use std::fmt::{self, Write};
+
+/// The four lines, each with its heading.
+pub struct Verdict {
+    /// Rate, format, and what came over the wire.
+    pub line: String,
+    /// Who was asked, who answered, who never did.
+    pub who: String,
+    /// The worst that was found, and what to do.
+    pub wrong: String,
+    /// What was not judged, and why.
+    pub open: String,
+}
+
+impl Verdict {
+    /// Sums a run up.
+    pub fn of(tally: &Tally, buses: &[Bus], clock: &Clock) -> Verdict {
+        let several = buses.len() > 1;
+        Verdict {
+            line: line(buses, several),
+            who: who(tally, several),
+            wrong: wrong(tally, several, clock),
+            open: open(tally, buses),
+        }
+    }
+
+    /// The lines with their headings, in order.
+    pub fn lines(&self) -> [(&'static str, &str); 4] {
+        [("LINE", &self.line), ("WHO", &self.who), ("WRONG", &self.wrong), ("OPEN", &self.open)]
+    }
+}
+
+fn line(buses: &[Bus], several: bool) -> String {
+    if buses.is_empty() {
+        return "silent: nothing was heard".to_owned();
+    }
+    let texts = buses.iter().map(|bus| {
+        let name = if several { format!("{} ", bus.info().name) } else { String::new() };
+        name + &line_of(bus)
+    });
+    texts.collect::<Vec<_>>().join("; ")
+}
+
+fn line_of(bus: &Bus) -> String {
+    let counts = bus.counts();
+    let wire = bus.wire();
+    let state = match counts {
+        LineCounts { characters: 0, breaks: 0, .. } => return "silent: no characters".to_owned(),
+        LineCounts { characters, damaged, .. } if damaged * 100 > characters => "bad",
+        _ => "ok",
+    };
+    let rate = match wire.baud {
+        Some(baud) => baud.to_string(),
+        None => "rate not known,".to_owned(),
+    };
+    let plural = if counts.characters == 1 { "" } else { "s" };
+    let mut text =
+        format!("{state}: {rate} {}, {} character{plural}", wire.format, counts.characters);
+    let share = counts.damaged as f64 * 100.0 / counts.characters.max(1) as f64;
+    // A String takes any text.
+    let _ = write!(text, ", {} damaged ({share:.2} %)", counts.damaged);
+    for (count, what) in
+        [(counts.breaks, "break"), (counts.losses, "loss"), (counts.glitches, "glitch")]
+    {
+        if count > 0 {
+            let plural = match (count, what) {
+                (1, _) => "",
+                (_, "break") => "s",
+                _ => "es",
+            };
+            let _ = write!(text, ", {count} {what}{plural}");
+        }
+    }
+    if bus.is_inverted() {
+        text.push_str(", upside down");
+    }
+    text
+}
+
+fn who(tally: &Tally, several: bool) -> String {
+    let mut buses: BTreeMap<&str, Vec<&StationTally>> = BTreeMap::new();
+    for station in &tally.stations {
+        buses.entry(&station.bus).or_default().push(station);
+    }
+    if buses.is_empty() {
+        return "no stations".to_owned();
+    }
+    let texts = buses.into_iter().map(|(bus, mut stations)| {
+        stations.sort_by_key(|station| station.station);
+        let name = if several { format!("{bus} ") } else { String::new() };
+        name + &who_of(&stations)
+    });
+    texts.collect::<Vec<_>>().join("; ")
+}
+
+fn who_of(stations: &[&StationTally]) -> String {
+    let numbers = |is_one: &dyn Fn(&StationTally) -> bool| {
+        let chosen = stations.iter().filter(|station| is_one(station));
+        let numbers: Vec<String> = chosen.map(|station| station.station.to_string()).collect();
+        if numbers.is_empty() { "nobody".to_owned() } else { numbers.join(" ") }
+    };
+    let mut text = format!(
+        "asked {} | answered {}",
+        numbers(&|station| station.asked > 0),
+        numbers(&|station| station.answered > 0)
+    );
+    let silent: Vec<String> = stations
+        .iter()
+        .filter(|station| station.asked > 0 && station.answered == 0)
+        .map(|station| format!("{} (0 of {})", station.station, station.asked))
+        .collect();
+    if !silent.is_empty() {
+        let _ = write!(text, " | never {}", silent.join(" "));
+    }
+    let unasked = numbers(&|station| station.asked == 0 && station.answers > 0);
+    if unasked != "nobody" {
+        let _ = write!(text, " | unasked {unasked}");
+    }
+    text
+}
+
+fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
+    let mut bad: Vec<&FindingTally> =
+        tally.findings.iter().filter(|finding| finding.code.severity > Severity::Info).collect();
+    bad.sort_by_key(|finding| std::cmp::Reverse((finding.code.severity, finding.count)));
+    let Some(worst) = bad.first() else {
+        let infos = tally.count(Severity::Info);
+        let infos = if infos > 0 { format!(", {infos} notes") } else { String::new() };
+        return format!("nothing found in {} records{infos}; {}", tally.records, judged(tally));
+    };
+    // The same code at every station that was heard is a matter of the bus.
+    let hit = bad.iter().filter(|finding| finding.code == worst.code).count();
+    let heard = tally.stations.iter().filter(|station| station.answers > 0).count();
+    let bus = if several { format!("{} ", worst.bus) } else { String::new() };
+    let what = worst.code.name.rsplit('.').next().unwrap_or(worst.code.name);
+    let times = clock.period(worst.period);
+    let mut text = match worst.station {
+        Some(station) => format!("{bus}{station}: {} x {what}{times}", worst.count),
+        None => format!("{bus}{} x {what}{times}", worst.count),
+    };
+    match (worst.station, bad.len() - 1, hit) {
+        (Some(_), 0, _) if heard > 1 => text.push_str(", others clean"),
+        (_, 0, _) => {}
+        (Some(_), more, 2..) => {
+            let _ = write!(text, ", {} more stations too, {more} more kinds in all", hit - 1);
+        }
+        (_, more, _) => {
+            let _ = write!(text, ", {more} more kind{}", if more == 1 { "" } else { "s" });
+        }
+    }
+    let is_one = hit == 1 && heard > 1;
+    match worst.station.filter(|_| is_one) {
+        Some(station) => {
+            let _ = write!(text, " -> {} of {station}", worst.code.cure.one);
+        }
+        None => {
+            let _ = write!(text, " -> {}", worst.code.cure.all);
+        }
+    }
+    text
+}
+
+fn judged(tally: &Tally) -> String {
+    if tally.withheld.is_empty() {
+        return "everything was judged".to_owned();
+    }
+    let names: Vec<&str> =
+        tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name)).collect();
+    format!("all judged but {}", names.join(", "))
+}
+
+fn open(tally: &Tally, buses: &[Bus]) -> String {
+    let mut open: Vec<String> = Vec::new();
+    for (name, count) in &tally.withheld {
+        let name = name.rsplit('.').next().unwrap_or(name);
+        open.push(format!("{name} not judged {count} x ({})", why_withheld(tally, buses)));
+    }
+    let unknown: u64 = buses.iter().map(|bus| bus.counts().unknown_parity).sum();
+    if unknown > 0 {
+        open.push(format!("parity of {unknown} characters not judged (the source has none)"));
+    }
+    // The window follows bit 3: to say that one is open says it of the other.
+    let undecided = |learned: &Learned| learned.value.is_none() && learned.subject != "window";
+    for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
+        open.push(learned.to_string());
+    }
+    if open.is_empty() { "nothing".to_owned() } else { open.join("; ") }
+}
+
+/// What was found out about one question: for the bus, or for the stations where it is the same.
+pub struct Learned {
+    /// What it is about.
+    pub subject: &'static str,
+    /// What was concluded; `None` while undecided.
+    pub value: Option<String>,
+    /// The stations, each with the evidence; no station for the bus as a whole.
+    pub evidence: Vec<(Option<u16>, String)>,
+}
+
+impl Learned {
+    /// Everything a bus found out, stations with the same conclusion put together.
+    pub fn of(bus: &Bus) -> Vec<Learned> {
+        let mut all: Vec<Learned> = Vec::new();
+        for Conclusion { subject, station, value, evidence } in bus.conclusions() {
+            let same =
+                |learned: &&mut Learned| learned.subject == subject && learned.value == value;
+            match all.iter_mut().find(same) {
+                Some(learned) => learned.evidence.push((station, evidence)),
+                None => {
+                    all.push(Learned { subject, value, evidence: vec![(station, evidence)] });
+                }
+            }
+        }
+        all
+    }
+}
+
+impl fmt::Display for Learned {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.subject, self.value.as_deref().unwrap_or("undecided"))?;
+        match self.evidence.as_slice() {
+            [(None, evidence)] => write!(f, " ({evidence})"),
+            several => {
+                for (index, (station, evidence)) in several.iter().enumerate() {
+                    let separator = if index == 0 { " of" } else { "," };
+                    write!(f, "{separator} {} ({evidence})", station.unwrap_or_default())?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+fn why_withheld(tally: &Tally, buses: &[Bus]) -> String {
+    if buses.iter().all(|bus| bus.info().clock.is_none()) {
+        "the source has no times".to_owned()
+    } else if buses.iter().any(|bus| bus.wire().baud.is_none()) {
+        "rate not known".to_owned()
+    } else {
+        format!("clock ±{}", Span(i64::from(tally.uncertainty)))
+    }
+}
