@@ -32,6 +32,8 @@ pub enum Command {
     Read(crate::commands::read::Arguments),
     /// Sum a capture up: stations, findings, response times.
     Stats(crate::commands::stats::Arguments),
+    /// Write a capture in another container.
+    Convert(crate::commands::convert::Arguments),
     /// Write a bus with chosen faults as a capture.
     Simulate(crate::commands::simulate::Arguments),
     /// Explain a finding: what it means, the rule, what to do at the machine.
@@ -44,13 +46,9 @@ pub enum Command {
     Man(crate::commands::man::Arguments),
 }
 
-/// What is read, and how: shared by every command that decodes.
+/// How captures are read: shared by every command that decodes.
 #[derive(Args, Debug)]
 pub struct Decoding {
-    /// Captures: files, or - for standard input. Several are read as one stream.
-    #[arg(value_name = "SOURCE", required = true)]
-    pub sources: Vec<String>,
-
     /// Format of the captures, instead of finding it from their content.
     #[arg(long, value_name = "FORMAT", help_heading = "Source")]
     pub input_format: Option<InputFormat>,

@@ -7,9 +7,10 @@ use crate::pipeline::{Consumer, Pipeline};
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
+use dissectors::event::Moment;
 use dissectors::finding::Severity;
 use dissectors::protocol::Settings;
-use dissectors::record::{Record, Sink};
+use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::slin;
 use dissectors::station::Stations;
 use dissectors::uart::LineSettings;
@@ -48,6 +49,11 @@ impl Outcome {
     /// Whether nobody reads what is written: then nothing is said any more.
     pub fn is_pipe_closed(&self) -> bool {
         self.output.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// Whether the output is whole, as far as the source was.
+    pub fn has_written(&self) -> bool {
+        self.output.is_ok()
     }
 
     /// The four lines that sum it up.
@@ -106,7 +112,12 @@ impl Outcome {
 }
 
 /// Decodes the sources into `export`.
-pub fn decode(decoding: &Decoding, settings: Settings, export: &mut dyn Export) -> Outcome {
+pub fn decode(
+    decoding: &Decoding,
+    sources: &[String],
+    settings: Settings,
+    export: &mut dyn Export,
+) -> Outcome {
     let interrupted = catch_interrupts();
     let mut pipeline = Pipeline::new(settings);
     let mut desk = Desk {
@@ -121,7 +132,7 @@ pub fn decode(decoding: &Decoding, settings: Settings, export: &mut dyn Export) 
     };
     let options = source_options(decoding);
     let mut error = None;
-    for name in &decoding.sources {
+    for name in sources {
         let passed = source::open(name, &options)
             .and_then(|mut source| pipeline.pass(&mut *source, &mut desk));
         if let Err(stopped) = passed {
@@ -186,6 +197,14 @@ impl Consumer for Desk<'_> {
             self.output = self.export.status();
         }
         self.output.is_ok() && self.left > 0 && !self.interrupted.load(Ordering::Relaxed)
+    }
+
+    fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str) {
+        self.export.comment(bus, time, text);
+    }
+
+    fn end(&mut self, bus: &BusInfo, end: Moment) {
+        self.export.end(bus, end);
     }
 }
 

@@ -4,12 +4,18 @@ use crate::source::{Piece, Source, SourceError};
 use dissectors::bus::Bus;
 use dissectors::event::Moment;
 use dissectors::protocol::Settings;
-use dissectors::record::{Output, Sink};
+use dissectors::record::{BusInfo, Output, Sink};
 
 /// Takes records for as long as it wants more.
 pub trait Consumer: Sink {
     /// Whether it wants more. Asked between pieces of the source.
     fn goes_on(&mut self) -> bool;
+
+    /// Takes somebody's comment on what was heard on a bus at this time.
+    fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str);
+
+    /// The capture of a bus ended here, if the source told.
+    fn end(&mut self, bus: &BusInfo, end: Moment);
 }
 
 /// The buses of a run. Several sources go through it one after the other as one stream.
@@ -58,7 +64,9 @@ impl Pipeline {
                     let mut out = Output::new(&mut self.last_number, &mut *consumer);
                     self.buses[numbers[bus]].hear(event, &mut out);
                 }
-                Some(Piece::Comment(..)) => {}
+                Some(Piece::Comment(bus, time, text)) => {
+                    consumer.comment(self.buses[numbers[bus]].info(), time, text);
+                }
                 Some(Piece::End(bus, end)) => self.ends[numbers[bus]] = end,
             }
         }
@@ -66,10 +74,10 @@ impl Pipeline {
     }
 
     /// Tells every bus that nothing more will come.
-    pub fn finish(&mut self, sink: &mut dyn Sink) {
-        let mut out = Output::new(&mut self.last_number, sink);
+    pub fn finish(&mut self, consumer: &mut dyn Consumer) {
         for (bus, end) in self.buses.iter_mut().zip(&self.ends) {
-            bus.finish(*end, &mut out);
+            bus.finish(*end, &mut Output::new(&mut self.last_number, &mut *consumer));
+            consumer.end(bus.info(), *end);
         }
     }
 }

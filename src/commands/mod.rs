@@ -1,6 +1,7 @@
 //! The subcommands, one file each.
 
 pub mod completions;
+pub mod convert;
 pub mod explain;
 pub mod fields;
 pub mod man;
@@ -18,6 +19,7 @@ pub fn run(cli: &Cli) -> ExitCode {
     match &cli.command {
         Command::Read(arguments) => read::run(arguments),
         Command::Stats(arguments) => stats::run(arguments),
+        Command::Convert(arguments) => convert::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),
         Command::Explain(arguments) => explain::run(arguments),
         Command::Fields(arguments) => fields::run(arguments),

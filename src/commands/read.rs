@@ -3,7 +3,7 @@
 use crate::cli::Decoding;
 use crate::clock::Clock;
 use crate::decode::{USAGE, decode, settings};
-use crate::export::{Columns, Csv, Export, Json, Text};
+use crate::export::{Changes, Columns, Csv, Export, Json, Text};
 use clap::{Args, ValueEnum};
 use std::io::{self, BufWriter};
 use std::process::ExitCode;
@@ -11,12 +11,20 @@ use std::process::ExitCode;
 /// What to read and how to print it.
 #[derive(Args, Debug)]
 pub struct Arguments {
+    /// Captures: files, or - for standard input. Several are read as one stream.
+    #[arg(value_name = "SOURCE", required = true)]
+    sources: Vec<String>,
+
     #[command(flatten)]
     decoding: Decoding,
 
     /// Form of the trace.
     #[arg(long, value_name = "FORM", default_value = "text", help_heading = "Output")]
     format: Form,
+
+    /// Only what is new: findings, and positions that differ from the one before.
+    #[arg(long, help_heading = "Selection")]
+    changes: bool,
 
     /// CSV: this field as a column instead of the usual ones (repeatable).
     #[arg(short = 'e', long = "field", value_name = "FIELD", help_heading = "Output")]
@@ -53,6 +61,9 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         },
         Form::Json => Box::new(Json::new(out)),
     };
+    if arguments.changes {
+        export = Box::new(Changes::new(export));
+    }
     let settings = match settings(decoding) {
         Ok(settings) => settings,
         Err(error) => {
@@ -60,7 +71,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
             return ExitCode::from(USAGE);
         }
     };
-    let outcome = decode(decoding, settings, &mut *export);
+    let outcome = decode(decoding, &arguments.sources, settings, &mut *export);
     outcome.report();
     outcome.exit_code()
 }

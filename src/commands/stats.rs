@@ -17,6 +17,10 @@ use std::process::ExitCode;
 /// What to sum up, and how.
 #[derive(Args, Debug)]
 pub struct Arguments {
+    /// Captures: files, or - for standard input. Several are read as one stream.
+    #[arg(value_name = "SOURCE", required = true)]
+    sources: Vec<String>,
+
     #[command(flatten)]
     decoding: Decoding,
 
@@ -45,7 +49,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         }
     };
     let mut nowhere = Nowhere;
-    let outcome = decode(decoding, settings, &mut nowhere);
+    let outcome = decode(decoding, &arguments.sources, settings, &mut nowhere);
     let text = match arguments.format {
         Form::Text => text(&outcome),
         Form::Json => format!("{:#}\n", as_json(&outcome)),

@@ -1,22 +1,36 @@
 //! Where records go: one file a form.
 
+mod changes;
+mod chars;
 mod columns;
 mod csv;
 mod json;
+mod pcapng;
 pub mod schema;
 mod text;
 
+pub use changes::Changes;
+pub use chars::Chars;
 pub use columns::Columns;
 pub use csv::Csv;
 pub use json::Json;
+pub use pcapng::PcapNg;
 pub use text::Text;
 
-use dissectors::record::Sink;
+use dissectors::event::Moment;
+use dissectors::record::{BusInfo, Sink};
 use std::fmt;
 use std::io;
 
 /// A form that records are written in.
 pub trait Export: Sink {
+    /// Somebody's comment on what was heard on a bus at this time. Forms without comments leave it
+    /// out.
+    fn comment(&mut self, _bus: &BusInfo, _time: Moment, _text: &str) {}
+
+    /// The capture of a bus ended here, if the source told.
+    fn end(&mut self, _bus: &BusInfo, _end: Moment) {}
+
     /// What became of the records so far: the first error of writing them, once.
     ///
     /// # Errors
