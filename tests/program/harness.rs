@@ -1,9 +1,11 @@
 //! Runs the built program.
 
+use jsonschema::Validator;
 use serde_json::Value;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 use tempfile::TempDir;
 
 /// What a run printed, and its exit status.
@@ -15,9 +17,18 @@ pub struct Run {
 }
 
 impl Run {
-    /// The records of a run with `--format json`.
+    /// The records of a run with `--format json`, each checked against the schemas.
     pub fn records(&self) -> Vec<Value> {
-        self.stdout.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
+        let record = |line: &str| {
+            let record = serde_json::from_str(line).expect(line);
+            for schema in schemas() {
+                if let Err(error) = schema.validate(&record) {
+                    panic!("{error} in {line}");
+                }
+            }
+            record
+        };
+        self.stdout.lines().map(record).collect()
     }
 
     /// The same, of a run that must have succeeded.
@@ -25,6 +36,31 @@ impl Run {
         assert_eq!(self.status, 0, "{}", self.stderr);
         self
     }
+}
+
+/// The program's own schema of records, and the contract's where it is at hand: it is named by
+/// `FIELDTAP_RECORD_SCHEMA`, or looked for beside the project.
+fn schemas() -> &'static [Validator] {
+    static SCHEMAS: OnceLock<Vec<Validator>> = OnceLock::new();
+    SCHEMAS.get_or_init(|| {
+        let mut texts = vec![fieldtap(["fields", "--schema"]).good().stdout];
+        let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/record.schema.json");
+        let contract = std::env::var_os("FIELDTAP_RECORD_SCHEMA").unwrap_or(beside.into());
+        match std::fs::read_to_string(&contract) {
+            Ok(text) => texts.push(text),
+            Err(error) => say(&format!("skipped: no schema at {}: {error}", contract.display())),
+        }
+        let schema = |text: String| serde_json::from_str(&text).expect("a schema is JSON");
+        texts
+            .into_iter()
+            .map(|t| jsonschema::validator_for(&schema(t)).expect("a schema"))
+            .collect()
+    })
+}
+
+/// Says something that a passing test does not swallow.
+pub fn say(message: &str) {
+    std::io::stderr().write_all(format!("{message}\n").as_bytes()).expect("stderr is there");
 }
 
 /// Runs the program with these arguments.

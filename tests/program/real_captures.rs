@@ -1,7 +1,7 @@
 //! Captures of real lines by others, with another decoder's reading beside each. They are not part
 //! of this project: a folder of them is named by `FIELDTAP_REAL_CAPTURES`, or looked for beside it.
 
-use crate::harness::{argument, fieldtap};
+use crate::harness::{argument, fieldtap, say};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ fn folder() -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    println!("skipped: no captures of real lines in {}", folder.display());
+    say(&format!("skipped: no captures of real lines in {}", folder.display()));
     None
 }
 
