@@ -1,6 +1,6 @@
 //! The SLIN bus: characters in, exchanges out of them, records about those.
 
-use super::exchange::{Exchange, FramedBy, Part};
+use super::exchange::{Distance, Exchange, FramedBy, Part};
 use super::grammar::{Next, Question};
 use super::ledger::{End, Ledger};
 use super::outlet::Outlet;
@@ -28,6 +28,8 @@ pub struct Slin {
     /// Nothing was heard of the bus's order yet: what comes may be the rest of a telegram.
     is_beginning: bool,
     last: Option<Character>,
+    /// How far the undecided character came behind the one before it.
+    before: Option<Distance>,
     /// How long the open exchange waits for its next character, in ns.
     patience: i64,
     /// Findings about the bus as a whole, to be told between exchanges, and at the end.
@@ -47,6 +49,7 @@ impl Slin {
             setup: Setup::default(),
             is_beginning: true,
             last: None,
+            before: None,
             patience: PATIENCE * Window::BAUMER.latest,
             pending: wrong_parity.into_iter().collect(),
             at_end: Vec::new(),
@@ -107,6 +110,11 @@ impl Slin {
     }
 
     fn add(&mut self, character: Character, part: Part, outlet: &mut Outlet<'_, '_>) {
+        if part == Part::Undecided {
+            let wire = self.ledger.wire;
+            let last = self.last.as_ref();
+            self.before = last.and_then(|last| Distance::between(last, &character, wire));
+        }
         if self.open.push(character, part) {
             return;
         }
@@ -124,7 +132,8 @@ impl Slin {
     fn resolve(&mut self, next: Next<'_>, outlet: &mut Outlet<'_, '_>) {
         let expectation = self.ledger.habits.of_asked(self.open.asked());
         let wire = self.ledger.wire;
-        let question = Question { exchange: &self.open, expectation, next, wire };
+        let before = self.before;
+        let question = Question { exchange: &self.open, expectation, before, next, wire };
         let (part, framed_by) = question.answer();
         match part {
             Part::Footer => {

@@ -47,6 +47,8 @@ pub struct Question<'a> {
     pub exchange: &'a Exchange,
     /// What its station is expected to do.
     pub expectation: Expectation,
+    /// How far it came behind the character before it.
+    pub before: Option<Distance>,
     /// What follows.
     pub next: Next<'a>,
     /// How characters travel on the bus.
@@ -69,7 +71,7 @@ impl Question<'_> {
         let control = character.byte();
         let has_reserved_bits = Request::of(control).reserved != 0;
         let fits = self.exchange.words() > 0 && self.fits_as_footer(control, self.exchange.data());
-        let close = self.before().map(Distance::is_close);
+        let close = self.before.map(Distance::is_close);
         let part = |is_footer| if is_footer { Part::Footer } else { Part::Request };
         if self.expectation.bit3 == Some(true) {
             // This station's footers have bit 3 high: only one that fits in every way is one.
@@ -85,7 +87,7 @@ impl Question<'_> {
         }
         // By the order of the words the footer, unless it came long after the words, does not fit
         // them, and is a perfect request.
-        let is_far = self.before().is_some_and(Distance::is_far);
+        let is_far = self.before.is_some_and(Distance::is_far);
         if self.exchange.words() > 0 && is_far && !fits && !has_reserved_bits {
             return (Part::Request, FramedBy::Time);
         }
@@ -105,12 +107,9 @@ impl Question<'_> {
     }
 
     fn damaged_outside(&self, character: &Character) -> Part {
-        let is_data_in_a_row = !is_control(character.byte()) && self.follows() == Some(true);
-        if bits_from_request(character) <= 1 && !is_data_in_a_row {
-            Part::Request
-        } else {
-            Part::Stray
-        }
+        // Right behind a telegram, what looks like a data word is rather the rest of something.
+        let is_rest = !is_control(character.byte()) && self.came_close();
+        if bits_from_request(character) <= 1 && !is_rest { Part::Request } else { Part::Stray }
     }
 
     /// Right after a request: the first data word, an empty answer's footer, or another request.
@@ -199,16 +198,8 @@ impl Question<'_> {
         0x88 | self.exchange.asked().map_or(0, Address::get)
     }
 
-    /// How far behind the character before it the undecided one came.
-    fn before(&self) -> Option<Distance> {
-        match self.exchange.characters() {
-            [.., before, character] => Distance::between(before, character, self.wire),
-            _ => None,
-        }
-    }
-
     fn came_close(&self) -> bool {
-        self.before().is_some_and(Distance::is_close)
+        self.before.is_some_and(Distance::is_close)
     }
 
     /// Whether what follows came without a pause; `None` where the clock cannot tell.

@@ -1,0 +1,260 @@
+//! What holds for every SLIN bus, whatever its encoders, rates and damages.
+
+use fieldtap_dissectors::bus::{Bus, WireFacts};
+use fieldtap_dissectors::event::{Clock, Event, Moment};
+use fieldtap_dissectors::field::{Role, Value};
+use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
+use fieldtap_dissectors::slin::{self, ChecksumChoice, Profile, checksum::Rule};
+use fieldtap_dissectors::uart::{Baud, Character, Parity};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+/// What is compared of a record.
+#[derive(Clone, PartialEq, Debug)]
+struct Told {
+    kind: &'static str,
+    station: Option<u16>,
+    start: Option<i64>,
+    bytes: Vec<u8>,
+    position: Option<i64>,
+    response_time: Option<i64>,
+    codes: Vec<&'static str>,
+}
+
+#[derive(Default)]
+struct Recorder(Vec<Told>);
+
+impl Sink for Recorder {
+    fn record(&mut self, record: &Record<'_>) {
+        let number = |value: Value<'_>| match value {
+            Value::Int(value) => Some(value),
+            _ => None,
+        };
+        self.0.push(Told {
+            kind: record.kind,
+            station: record.station,
+            start: record.start.ns(),
+            bytes: record.characters().iter().map(Character::byte).collect(),
+            position: number(record.by_role(Role::Position)),
+            response_time: number(record.by_role(Role::ResponseTime)),
+            codes: record.findings.iter().map(|finding| finding.code.name).collect(),
+        });
+    }
+}
+
+/// An encoder's habits and the rate of its bus.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    baud: u32,
+    profile: Profile,
+    rule: Rule,
+    bit3: bool,
+    /// Leading zero words are kept.
+    is_fixed: bool,
+}
+
+/// A request and its answer.
+#[derive(Clone, Copy, Debug)]
+struct Exchange {
+    address: u8,
+    position: u32,
+    /// From the request's end to the answer, in ns.
+    response_time: i64,
+    /// From the answer's end to the next request, in characters and ns.
+    pause: (i64, i64),
+}
+
+impl Line {
+    fn character_ns(self) -> i64 {
+        11_000_000_000 / i64::from(self.baud)
+    }
+
+    /// The footer's checksum, computed as TR SLIN §7 and Baumer SLIN §3.3 list it.
+    fn checksum(self, words: &[u8]) -> u8 {
+        let (mut sum, mut carry) = (0_u32, 0);
+        let count = if self.rule == Rule::Addc { 4 } else { words.len() };
+        for index in 0..count {
+            sum += u32::from(*words.get(index).unwrap_or(&0));
+            sum += if self.rule == Rule::Add { 0 } else { carry };
+            carry = sum >> 8;
+            sum &= 0xFF;
+        }
+        sum as u8 & 0x70
+    }
+
+    fn answer(self, exchange: Exchange) -> Vec<u8> {
+        let mut words = vec![(exchange.position & 0x7F) as u8];
+        let mut left = exchange.position >> 7;
+        while left > 0 || self.is_fixed && words.len() < 4 {
+            words.push((left & 0x7F) as u8);
+            left >>= 7;
+        }
+        let footer = 0x80 | self.checksum(&words) | u8::from(self.bit3) << 3 | exchange.address;
+        words.push(footer);
+        words
+    }
+
+    /// The characters of these exchanges, each exchange's apart.
+    fn characters(self, exchanges: &[Exchange]) -> Vec<Vec<Character>> {
+        let one = self.character_ns();
+        let mut now = 50_000_000;
+        let character = |ns: i64, byte: u8| {
+            Character::new(Moment::from_ns(ns), 100, u16::from(byte), Parity::Ok)
+        };
+        let mut heard = Vec::new();
+        for exchange in exchanges {
+            let mut characters = vec![character(now, 0x80 | exchange.address)];
+            now += one + exchange.response_time;
+            for byte in self.answer(*exchange) {
+                characters.push(character(now, byte));
+                now += one;
+            }
+            now += exchange.pause.0 * one + exchange.pause.1;
+            heard.push(characters);
+        }
+        heard
+    }
+
+    fn settings(self) -> Settings {
+        let mut settings = Settings {
+            protocol: Some(&slin::PROTOCOL),
+            slin: slin::Settings { profile: self.profile, checksum: ChecksumChoice::OfProfile },
+            ..Settings::default()
+        };
+        settings.line.baud = Baud::new(self.baud);
+        settings
+    }
+}
+
+/// Decodes characters that come in these pieces, with an advance behind each of them.
+fn decode(settings: Settings, pieces: &[&[Character]], advance: bool) -> Vec<Told> {
+    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Hardware) };
+    let mut bus = Bus::new(info, WireFacts::default(), settings);
+    let (mut recorder, mut number) = (Recorder::default(), 0);
+    for (index, piece) in pieces.iter().enumerate() {
+        bus.hear(Event::Characters(piece), &mut Output::new(&mut number, &mut recorder));
+        let next = pieces.get(index + 1).and_then(|piece| piece.first());
+        if let (true, Some(next)) = (advance, next) {
+            let until = next.start.plus(-1);
+            bus.hear(Event::Advance(until), &mut Output::new(&mut number, &mut recorder));
+        }
+    }
+    bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut recorder));
+    recorder.0
+}
+
+fn lines() -> impl Strategy<Value = Line> {
+    let rates = prop::sample::select(vec![9_600, 19_200, 115_200, 345_594]);
+    let profiles = prop::sample::select(vec![
+        (Profile::Baumer, Rule::Add, true),
+        (Profile::Tr, Rule::Addc, false),
+        (Profile::TrReserveHigh, Rule::Addc, true),
+        (Profile::Auto, Rule::Add, true),
+        (Profile::Auto, Rule::Addc, false),
+        (Profile::Auto, Rule::AddcSent, true),
+    ]);
+    (rates, profiles, any::<bool>()).prop_map(|(baud, (profile, rule, bit3), is_fixed)| Line {
+        baud,
+        profile,
+        rule,
+        bit3,
+        is_fixed,
+    })
+}
+
+fn exchanges() -> impl Strategy<Value = Vec<Exchange>> {
+    let positions = prop_oneof![0..128_u32, 0..16_384_u32, 0..33_554_432_u32, 294_900..294_920_u32];
+    // Positions that stay where they are cannot jump.
+    let stations = vec(positions, 8);
+    let one = (0..8_u8, 150_000..350_000_i64, 1..4_i64, 100_000..3_000_000_i64);
+    (stations, vec(one, 1..40)).prop_map(|(positions, all)| {
+        let exchange = |(address, response_time, characters, ns)| Exchange {
+            address,
+            position: positions[usize::from(address)],
+            response_time,
+            pause: (characters, ns),
+        };
+        all.into_iter().map(exchange).collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    /// What an encoder sends is what is told, with nothing found.
+    #[test]
+    fn what_is_sent_is_told(line in lines(), exchanges in exchanges()) {
+        let heard = line.characters(&exchanges);
+        let pieces: Vec<&[Character]> = heard.iter().map(Vec::as_slice).collect();
+        let told = decode(line.settings(), &pieces, false);
+        prop_assert_eq!(told.len(), 2 * exchanges.len());
+        for (pair, exchange) in told.chunks(2).zip(&exchanges) {
+            prop_assert_eq!(pair[0].kind, "request");
+            prop_assert_eq!(pair[1].kind, "response");
+            prop_assert_eq!(pair[1].station, Some(u16::from(exchange.address)));
+            prop_assert_eq!(pair[1].position, Some(i64::from(exchange.position)));
+            let time = pair[1].response_time.unwrap_or_default();
+            prop_assert!((time - exchange.response_time).abs() < 20, "{time}");
+            prop_assert!(pair.iter().all(|told| told.codes.is_empty()), "{pair:?}");
+        }
+    }
+
+    /// However the characters come, and however often time is said to pass, the records are the
+    /// same.
+    #[test]
+    fn the_division_of_the_input_does_not_matter(
+        line in lines(),
+        exchanges in exchanges(),
+        cuts in vec(any::<prop::sample::Index>(), 0..20),
+        is_auto in any::<bool>(),
+    ) {
+        let heard: Vec<Character> = line.characters(&exchanges).concat();
+        let mut settings = line.settings();
+        if is_auto {
+            settings.protocol = None;
+            settings.line.baud = None;
+        }
+        let whole = decode(settings.clone(), &[&heard], false);
+        let mut cuts: Vec<usize> = cuts.iter().map(|cut| cut.index(heard.len())).collect();
+        cuts.extend([0, heard.len()]);
+        cuts.sort_unstable();
+        let pieces: Vec<&[Character]> = cuts.windows(2).map(|cut| &heard[cut[0]..cut[1]]).collect();
+        prop_assert_eq!(&decode(settings.clone(), &pieces, false), &whole);
+        let single: Vec<&[Character]> = heard.chunks(1).collect();
+        prop_assert_eq!(&decode(settings, &single, true), &whole);
+    }
+
+    /// A damaged character, whichever of its bits is wrong, costs its own exchange and no other.
+    #[test]
+    fn damage_stays_in_its_exchange(
+        line in lines(),
+        exchanges in exchanges(),
+        hit in any::<prop::sample::Index>(),
+        which in any::<prop::sample::Index>(),
+        bit in 0..9_u32,
+    ) {
+        let mut heard = line.characters(&exchanges);
+        let whole: Vec<&[Character]> = heard.iter().map(Vec::as_slice).collect();
+        let before = decode(line.settings(), &whole, false);
+        let hit = hit.index(heard.len());
+        let which = which.index(heard[hit].len());
+        let character = &mut heard[hit][which];
+        let byte = character.byte() ^ (1_u32 << bit) as u8;
+        *character = Character::new(
+            character.start, character.uncertainty, u16::from(byte), Parity::Error,
+        );
+        let from = heard[hit][0].start.ns();
+        let to = heard.get(hit + 1).and_then(|next| next[0].start.ns());
+        let pieces: Vec<&[Character]> = heard.iter().map(Vec::as_slice).collect();
+        let after = decode(line.settings(), &pieces, false);
+        let is_elsewhere = |told: &&Told| told.start < from || to.is_some_and(|to| told.start >= Some(to));
+        let unharmed: Vec<&Told> = before.iter().filter(is_elsewhere).collect();
+        let still: Vec<&Told> = after.iter().filter(is_elsewhere).collect();
+        prop_assert_eq!(still, unharmed);
+        let found: Vec<&str> = after.iter().flat_map(|told| told.codes.clone()).collect();
+        // What the edges of the capture cut is not judged.
+        let is_cut = hit == 0 || hit + 1 == heard.len();
+        prop_assert!(is_cut || found.contains(&"slin.parity") || found.contains(&"slin.glitch"), "{found:?}");
+    }
+}
