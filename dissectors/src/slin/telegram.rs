@@ -174,6 +174,7 @@ impl Telegram<'_> {
         }
         if let Some(angle) = self.angle() {
             match self.turns() {
+                Some(1) => write!(out, " = 1 turn {angle:.3}°")?,
                 Some(turns) => write!(out, " = {turns} turns {angle:.3}°")?,
                 None => write!(out, " = {angle:.3}°")?,
             }

@@ -1,0 +1,136 @@
+//! How runs end: exit statuses, messages, and the last four lines.
+
+use crate::harness::{Scratch, argument, codes, fieldtap, fieldtap_fed};
+use std::io::Read;
+use std::process::{Command, Stdio};
+
+/// An exchange with encoder 0 (TR SLIN §6: 154 is 1A 01, then the footer) and one whose checksum is
+/// too high by one. At 115200 Bd a character takes 95.486 µs; answers begin 250 µs after the
+/// request.
+const GOOD: &str = "time,byte,parity\n0.000000000,80,ok\n0.000345486,1A,ok\n0.000440972,01,ok\n\
+                    0.000536458,98,ok\n";
+const WRONG: &str = "0.010000000,80,ok\n0.010345486,1A,ok\n0.010440972,01,ok\n0.010536458,A8,ok\n";
+
+#[test]
+fn a_source_that_cannot_be_read_is_status_3_and_says_what_to_do() {
+    let scratch = Scratch::new();
+    let nothing = scratch.file("nothing.chars", "");
+    let unknown = scratch.file("unknown", "neither fish nor fowl");
+    for (source, says) in [
+        (argument(&nothing), "there is nothing in it"),
+        (argument(&scratch.path("absent")), "there is no such file"),
+        (argument(&scratch.path("")), "this is a directory"),
+        (argument(&unknown), "--input-format"),
+    ] {
+        let run = fieldtap(["read", source]);
+        assert_eq!(run.status, 3, "{source}: {}", run.stderr);
+        assert!(run.stderr.contains(says) && run.stderr.contains(source), "{}", run.stderr);
+        assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn what_comes_before_a_bad_line_is_decoded() {
+    let run =
+        fieldtap_fed(["read", "--format", "json", "-"], (GOOD.to_owned() + "0.02,8").as_bytes());
+    assert_eq!(run.status, 3);
+    assert_eq!(run.records().len(), 2);
+    assert!(run.stderr.contains("standard input: line 6: not a character"), "{}", run.stderr);
+}
+
+#[test]
+fn a_capture_with_nothing_in_it_is_good() {
+    let run = fieldtap_fed(["read", "-"], b"time,byte,parity\n").good();
+    assert_eq!(run.stdout, "");
+    assert!(run.stderr.contains("LINE   silent"), "{}", run.stderr);
+}
+
+#[test]
+fn findings_change_the_status_only_when_asked_to() {
+    let capture = GOOD.to_owned() + WRONG;
+    let read = |more: &[&str]| {
+        let arguments = ["read", "--format", "json", "-"].into_iter().chain(more.iter().copied());
+        fieldtap_fed(arguments, capture.as_bytes())
+    };
+    let plain = read(&[]).good();
+    assert_eq!(codes(plain.records().last().expect("there are records")), ["slin.checksum"]);
+    assert_eq!(read(&["--fail-on", "error"]).status, 1);
+    assert_eq!(read(&["--fail-on", "warning"]).status, 1);
+    assert_eq!(fieldtap_fed(["read", "--fail-on", "warning", "-"], GOOD.as_bytes()).status, 0);
+    // A source that failed outranks findings.
+    let cut = capture.clone() + "?";
+    assert_eq!(fieldtap_fed(["read", "--fail-on", "error", "-"], cut.as_bytes()).status, 3);
+}
+
+#[test]
+fn a_wrong_command_line_is_status_2() {
+    for arguments in [
+        &["read"][..],
+        &["read", "--profile", "siemens", "x"],
+        &["read", "--frame", "8X1", "x"],
+        &["read", "--baud", "0", "x"],
+        &["explain", "slin.nonsense"],
+        &["convert", "in.sr", "out.unknown"],
+        &["frobnicate"],
+    ] {
+        assert_eq!(fieldtap(arguments).status, 2, "{arguments:?}");
+    }
+}
+
+#[test]
+fn the_last_lines_say_what_a_technician_asks_first() {
+    let run = fieldtap_fed(["read", "--profile", "baumer", "-"], GOOD.as_bytes()).good();
+    let lines: Vec<&str> = run.stderr.lines().rev().take(4).collect();
+    let [open, wrong, who, line] = lines[..] else { panic!("{}", run.stderr) };
+    assert_eq!(line, "LINE   ok: 115200 8E1, 4 characters, 0 damaged (0.00 %)");
+    assert_eq!(who, "WHO    asked 0 | answered 0");
+    assert_eq!(wrong, "WRONG  nothing found in 2 records; everything was judged");
+    assert_eq!(open, "OPEN   nothing");
+}
+
+#[test]
+fn silent_stations_are_named_with_their_count() {
+    // Encoder 2 is asked twice between answers of encoder 0.
+    let capture = GOOD.to_owned() + "0.003,82,ok\n0.006,82,ok\n" + WRONG;
+    let run = fieldtap_fed(["stats", "--profile", "baumer", "-"], capture.as_bytes()).good();
+    assert!(
+        run.stderr.contains("WHO    asked 0 2 | answered 0 | never 2 (0 of 2)"),
+        "{}",
+        run.stderr
+    );
+    assert!(
+        run.stdout.contains("WHO    asked 0 2 | answered 0 | never 2 (0 of 2)"),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stderr.contains("WRONG  0: 1 x checksum"), "{}", run.stderr);
+}
+
+#[test]
+fn a_closed_pipe_ends_quietly() {
+    let mut capture = GOOD.to_owned();
+    for n in 0..20_000 {
+        capture += &format!("{}.{:04}00000,80,ok\n", 1 + n / 10_000, n % 10_000);
+    }
+    let scratch = Scratch::new();
+    let file = scratch.file("long.chars", capture);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fieldtap"))
+        .args(["read", argument(&file)])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program is there");
+    let mut stdout = child.stdout.take().expect("it is piped");
+    let mut first = [0; 100];
+    stdout.read_exact(&mut first).expect("it prints");
+    drop(stdout);
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}
+
+#[test]
+fn quiet_is_quiet() {
+    let run = fieldtap_fed(["read", "-q", "-"], GOOD.as_bytes()).good();
+    assert_eq!(run.stderr, "");
+}
