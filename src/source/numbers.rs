@@ -41,7 +41,7 @@ pub fn seconds_in_ns(text: &str) -> Option<i64> {
 /// A frequency in Hz: `12000000`, `500k`, `4M`, `4 MHz`, `1.5 MHz`.
 pub fn frequency(text: &str) -> Option<u64> {
     let text = text.trim();
-    let text = text.strip_suffix("Hz").or(text.strip_suffix("hz")).unwrap_or(text).trim_end();
+    let text = text.strip_suffix("Hz").or(text.strip_suffix("hz")).unwrap_or(text);
     let (digits, power) = match text.char_indices().last()? {
         (end, 'k' | 'K') => (&text[..end], 3),
         (end, 'm' | 'M') => (&text[..end], 6),
