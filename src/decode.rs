@@ -129,6 +129,7 @@ pub fn decode(
         left: decoding.count.unwrap_or(u64::MAX),
         output: Ok(()),
         interrupted: &interrupted,
+        is_quiet: decoding.quiet,
     };
     let options = source_options(decoding);
     let mut error = None;
@@ -174,6 +175,7 @@ struct Desk<'a> {
     left: u64,
     output: io::Result<()>,
     interrupted: &'a AtomicBool,
+    is_quiet: bool,
 }
 
 impl Sink for Desk<'_> {
@@ -203,6 +205,12 @@ impl Consumer for Desk<'_> {
         self.export.comment(bus, time, text);
     }
 
+    fn warn(&mut self, warning: &SourceError) {
+        if !self.is_quiet {
+            eprintln!("fieldtap: warning: {warning}");
+        }
+    }
+
     fn end(&mut self, bus: &BusInfo, end: Moment) {
         self.export.end(bus, end);
     }
@@ -216,6 +224,7 @@ fn source_options(decoding: &Decoding) -> SourceOptions {
         samplerate: decoding.samplerate,
         unitsize: usize::from(decoding.unitsize),
         baud: decoding.baud.given(),
+        frame: decoding.frame.given(),
     }
 }
 

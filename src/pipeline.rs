@@ -14,6 +14,9 @@ pub trait Consumer: Sink {
     /// Takes somebody's comment on what was heard on a bus at this time.
     fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str);
 
+    /// Takes what the user should know about a source that goes on.
+    fn warn(&mut self, warning: &SourceError);
+
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, bus: &BusInfo, end: Moment);
 }
@@ -67,6 +70,7 @@ impl Pipeline {
                 Some(Piece::Comment(bus, time, text)) => {
                     consumer.comment(self.buses[numbers[bus]].info(), time, text);
                 }
+                Some(Piece::Warning(warning)) => consumer.warn(&warning),
                 Some(Piece::End(bus, end)) => self.ends[numbers[bus]] = end,
             }
         }

@@ -18,7 +18,7 @@ pub struct Input {
 
 enum Rest {
     File(File),
-    Stdin(io::Stdin),
+    Stream(Box<dyn Read>),
 }
 
 impl Input {
@@ -27,53 +27,72 @@ impl Input {
     /// # Errors
     /// It is not there, may not be read, is a directory, or has nothing in it.
     pub fn open(name: &str) -> Result<Input, SourceError> {
+        if name == "-" {
+            return Input::of("standard input", io::stdin());
+        }
         let whole = |cause| SourceError::io(name, Place::Whole, cause);
-        let rest = if name == "-" {
-            Rest::Stdin(io::stdin())
-        } else {
-            let file = File::open(name).map_err(whole)?;
-            if file.metadata().map_err(whole)?.is_dir() {
-                return Err(whole(io::ErrorKind::IsADirectory.into()));
-            }
-            Rest::File(file)
-        };
-        let name = if name == "-" { "standard input" } else { name }.to_owned();
-        let mut input = Input { name, head: Vec::new(), given: 0, rest };
-        let mut head = vec![0; LOOKED_AT];
-        let mut filled = 0;
-        while filled < LOOKED_AT {
-            match input.read_rest(&mut head[filled..]) {
-                Ok(0) => break,
-                Ok(count) => filled += count,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(SourceError::io(&input.name, Place::Byte(0), error)),
-            }
+        let file = File::open(name).map_err(whole)?;
+        if file.metadata().map_err(whole)?.is_dir() {
+            return Err(whole(io::ErrorKind::IsADirectory.into()));
         }
-        head.truncate(filled);
-        input.head = head;
-        if input.head.is_empty() {
-            return Err(SourceError::new(&input.name, Place::Byte(0), "there is nothing in it"));
-        }
-        Ok(input)
+        Input::begin(name, Rest::File(file))
     }
 
-    /// The first bytes: all of them, if the source is short.
+    /// Looks at the first bytes of a stream that cannot be gone back in.
+    ///
+    /// # Errors
+    /// It cannot be read, or there is nothing in it.
+    pub fn of(name: &str, stream: impl Read + 'static) -> Result<Input, SourceError> {
+        Input::begin(name, Rest::Stream(Box::new(stream)))
+    }
+
+    fn begin(name: &str, rest: Rest) -> Result<Input, SourceError> {
+        let mut input = Input { name: name.to_owned(), head: Vec::new(), given: 0, rest };
+        if input.look_further()? {
+            Ok(input)
+        } else {
+            Err(SourceError::new(name, Place::Byte(0), "there is nothing in it"))
+        }
+    }
+
+    /// The bytes that were looked at: from the start of the source.
     pub fn head(&self) -> &[u8] {
         &self.head
+    }
+
+    /// Looks at more bytes; false if there are no more, or 4096 were looked at. This waits for a
+    /// live stream, and is to be asked only where the first bytes do not tell enough.
+    ///
+    /// # Errors
+    /// The source cannot be read.
+    pub fn look_further(&mut self) -> Result<bool, SourceError> {
+        let seen = self.head.len();
+        let mut more = [0; LOOKED_AT];
+        let count = self
+            .read_rest(&mut more[seen..])
+            .map_err(|cause| SourceError::io(&self.name, Place::Byte(seen as u64), cause))?;
+        self.head.extend_from_slice(&more[seen..seen + count]);
+        Ok(count > 0)
     }
 
     /// The file, positioned anywhere; `None` for standard input, which cannot be gone back in.
     pub fn file(&self) -> Option<&File> {
         match &self.rest {
             Rest::File(file) => Some(file),
-            Rest::Stdin(_) => None,
+            Rest::Stream(_) => None,
         }
     }
 
     fn read_rest(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        match &mut self.rest {
-            Rest::File(file) => file.read(buffer),
-            Rest::Stdin(stdin) => stdin.read(buffer),
+        loop {
+            let read = match &mut self.rest {
+                Rest::File(file) => file.read(buffer),
+                Rest::Stream(stream) => stream.read(buffer),
+            };
+            match read {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                read => return read,
+            }
         }
     }
 }

@@ -1,13 +1,23 @@
 //! Where events come from: one file a format.
 
+mod bytes;
 mod chars;
+#[cfg(test)]
+mod damage;
 mod error;
 mod input;
 mod lines;
 mod logic;
 mod numbers;
+mod outbox;
+mod parmrk;
+mod recognize;
 mod samples;
 mod sr;
+mod stream;
+#[cfg(test)]
+mod transcript;
+mod uart9;
 mod vcd;
 
 pub use error::{Place, SourceError};
@@ -15,10 +25,12 @@ pub use input::Input;
 
 pub use numbers::{frequency, seconds_in_ns};
 
+use outbox::Reading;
+
 use dissectors::bus::WireFacts;
 use dissectors::event::{Event, Moment};
 use dissectors::record::BusInfo;
-use dissectors::uart::Baud;
+use dissectors::uart::{Baud, Format};
 
 /// What a source has to say, in the order it was heard.
 pub enum Piece<'a> {
@@ -30,6 +42,9 @@ pub enum Piece<'a> {
     Comment(usize, Moment, &'a str),
     /// The capture of a bus ends here; unknown where the source does not tell.
     End(usize, Moment),
+    /// Something about the source that the user should know, and that does not keep it from going
+    /// on: what, where, and what to do.
+    Warning(SourceError),
 }
 
 /// A capture that is being read.
@@ -49,6 +64,12 @@ pub enum InputFormat {
     Sr,
     /// Value change dump
     Vcd,
+    /// Bytes alone, parity unknown
+    Bytes,
+    /// Bytes of a Linux tty that marks parity errors (INPCK and PARMRK)
+    Parmrk,
+    /// 16-bit words, low byte first: data and the parity bit received
+    Uart9,
     /// Bare logic samples, as sigrok-cli -O binary writes them
     Logic,
     /// Characters as text: time,byte,parity
@@ -68,6 +89,8 @@ pub struct SourceOptions {
     pub unitsize: usize,
     /// The rate, where the source needs one to place characters and does not tell it.
     pub baud: Option<Baud>,
+    /// The character format, where the source needs one and does not tell it.
+    pub frame: Option<Format>,
 }
 
 impl SourceOptions {
@@ -87,6 +110,17 @@ impl SourceOptions {
         let is_wanted = |channel: &T| self.channels.iter().any(|wanted| wanted == name(channel));
         Ok(there.into_iter().filter(|c| self.channels.is_empty() || is_wanted(c)).collect())
     }
+
+    /// Checks the channels asked for where a source has only this one.
+    ///
+    /// # Errors
+    /// Another one was asked for.
+    fn choose_only(&self, channel: &str, source: &str) -> Result<(), SourceError> {
+        match self.chosen(vec![channel], |channel| channel) {
+            Ok(_) => Ok(()),
+            Err(what) => Err(SourceError::new(source, Place::Whole, what)),
+        }
+    }
 }
 
 /// Opens a source. Its format is found from its content unless it is given.
@@ -94,27 +128,26 @@ impl SourceOptions {
 /// # Errors
 /// It cannot be read, or nothing tells what it is.
 pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    let input = Input::open(name)?;
-    let format = options.format.or_else(|| recognize(input.head())).ok_or_else(|| {
-        SourceError::new(
-            &input.name,
-            Place::Byte(0),
-            "nothing tells which format this is: name it with --input-format",
-        )
-    })?;
-    match format {
-        InputFormat::Chars => Ok(Box::new(chars::Chars::new(input))),
-        InputFormat::Sr => Ok(Box::new(sr::open(input, options)?)),
-        InputFormat::Vcd => Ok(Box::new(vcd::Vcd::new(input, options)?)),
-        InputFormat::Logic => Ok(Box::new(logic::Logic::raw(input, options)?)),
-    }
+    let mut input = Input::open(name)?;
+    let format = match options.format {
+        Some(format) => format,
+        None => recognize::format_of(&mut input)?,
+    };
+    reader_of(format, input, options)
 }
 
-fn recognize(head: &[u8]) -> Option<InputFormat> {
-    let formats = [
-        (sr::is_zip(head), InputFormat::Sr),
-        (vcd::is_dump(head), InputFormat::Vcd),
-        (chars::is_header(head), InputFormat::Chars),
-    ];
-    formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format)
+fn reader_of(
+    format: InputFormat,
+    input: Input,
+    options: &SourceOptions,
+) -> Result<Box<dyn Source>, SourceError> {
+    Ok(match format {
+        InputFormat::Chars => Box::new(chars::Chars::new(input)),
+        InputFormat::Sr => Box::new(sr::open(input, options)?),
+        InputFormat::Vcd => Box::new(vcd::Vcd::new(input, options)?),
+        InputFormat::Logic => Box::new(logic::Logic::raw(input, options)?),
+        InputFormat::Bytes => Box::new(Reading::new(bytes::Bytes::new(input, options)?)),
+        InputFormat::Parmrk => Box::new(Reading::new(parmrk::Parmrk::new(input, options)?)),
+        InputFormat::Uart9 => Box::new(Reading::new(uart9::Uart9::new(input, options)?)),
+    })
 }

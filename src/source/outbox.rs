@@ -1,0 +1,150 @@
+//! Between a reader that goes from item to item and those who take piece after piece.
+//!
+//! One item of a capture (a packet, a row) may have several things to say. The reader of a format
+//! puts them in an outbox, which keeps its memory from item to item, and everything found before an
+//! error is handed over before the error.
+
+use super::{Piece, Source, SourceError};
+use dissectors::bus::WireFacts;
+use dissectors::event::{Break, Event, Levels, Loss, Moment};
+use dissectors::record::BusInfo;
+use dissectors::uart::Character;
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// Reads a format, one item after the other.
+pub trait Reader {
+    /// Reads the next item and puts what it says in the outbox. False at the end of the source.
+    ///
+    /// # Errors
+    /// The source cannot go on. What is in the outbox is good.
+    fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError>;
+}
+
+/// A source that is read item by item.
+pub struct Reading<R> {
+    reader: R,
+    out: Outbox,
+    is_over: bool,
+}
+
+impl<R: Reader> Reading<R> {
+    /// Nothing was read yet.
+    pub fn new(reader: R) -> Self {
+        Reading { reader, out: Outbox::default(), is_over: false }
+    }
+}
+
+impl<R: Reader> Source for Reading<R> {
+    fn next_piece(&mut self) -> Result<Option<Piece<'_>>, SourceError> {
+        while self.out.waiting.is_empty() && !self.is_over {
+            self.out.forget();
+            match self.reader.read_on(&mut self.out) {
+                Ok(has_more) => self.is_over = !has_more,
+                Err(error) => {
+                    self.is_over = true;
+                    self.out.waiting.push_back(Waiting::Error(error));
+                }
+            }
+        }
+        self.out.next().transpose()
+    }
+}
+
+/// What was found and is not yet handed over.
+#[derive(Default)]
+pub struct Outbox {
+    waiting: VecDeque<Waiting>,
+    characters: Vec<Character>,
+    edges: Vec<u64>,
+    text: String,
+}
+
+enum Waiting {
+    Bus(BusInfo, WireFacts),
+    Characters(usize, Range<usize>),
+    Levels { bus: usize, edges: Range<usize>, level: bool, from: u64, until: u64 },
+    Break(usize, Break),
+    Lost(usize, Loss),
+    Comment(usize, Moment, Range<usize>),
+    Warning(SourceError),
+    End(usize, Moment),
+    Error(SourceError),
+}
+
+impl Outbox {
+    /// A bus appears.
+    pub fn bus(&mut self, info: BusInfo, facts: WireFacts) {
+        self.waiting.push_back(Waiting::Bus(info, facts));
+    }
+
+    /// Characters were heard.
+    pub fn characters(&mut self, bus: usize, characters: impl IntoIterator<Item = Character>) {
+        let first = self.characters.len();
+        self.characters.extend(characters);
+        if self.characters.len() > first {
+            self.waiting.push_back(Waiting::Characters(bus, first..self.characters.len()));
+        }
+    }
+
+    /// Line levels were heard.
+    pub fn levels(&mut self, bus: usize, levels: Levels<'_>) {
+        let Levels { edges, level, from, until } = levels;
+        let first = self.edges.len();
+        self.edges.extend_from_slice(edges);
+        let edges = first..self.edges.len();
+        self.waiting.push_back(Waiting::Levels { bus, edges, level, from, until });
+    }
+
+    /// A break was heard.
+    pub fn line_break(&mut self, bus: usize, event: Break) {
+        self.waiting.push_back(Waiting::Break(bus, event));
+    }
+
+    /// Something was lost.
+    pub fn lost(&mut self, bus: usize, loss: Loss) {
+        self.waiting.push_back(Waiting::Lost(bus, loss));
+    }
+
+    /// Somebody commented on what was heard at this time.
+    pub fn comment(&mut self, bus: usize, at: Moment, text: &str) {
+        let first = self.text.len();
+        self.text.push_str(text);
+        self.waiting.push_back(Waiting::Comment(bus, at, first..self.text.len()));
+    }
+
+    /// Something about the source that the user should know.
+    pub fn warning(&mut self, warning: SourceError) {
+        self.waiting.push_back(Waiting::Warning(warning));
+    }
+
+    /// The capture of a bus ends.
+    pub fn end(&mut self, bus: usize, at: Moment) {
+        self.waiting.push_back(Waiting::End(bus, at));
+    }
+
+    fn forget(&mut self) {
+        self.characters.clear();
+        self.edges.clear();
+        self.text.clear();
+    }
+
+    fn next(&mut self) -> Option<Result<Piece<'_>, SourceError>> {
+        Some(Ok(match self.waiting.pop_front()? {
+            Waiting::Bus(info, facts) => Piece::Bus(info, facts),
+            Waiting::Characters(bus, range) => {
+                Piece::Heard(bus, Event::Characters(&self.characters[range]))
+            }
+            Waiting::Levels { bus, edges, level, from, until } => {
+                let edges = &self.edges[edges];
+                Piece::Heard(bus, Event::Levels(Levels { edges, level, from, until }))
+            }
+            Waiting::Break(bus, event) => Piece::Heard(bus, Event::Break(event)),
+            Waiting::Lost(bus, loss) => Piece::Heard(bus, Event::Lost(loss)),
+            Waiting::Comment(bus, at, range) => Piece::Comment(bus, at, &self.text[range]),
+            Waiting::Warning(warning) => Piece::Warning(warning),
+            Waiting::End(bus, at) => Piece::End(bus, at),
+            Waiting::Error(error) => return Some(Err(error)),
+        }))
+    }
+}
