@@ -11,10 +11,13 @@ mod logic;
 mod numbers;
 mod outbox;
 mod parmrk;
+mod pcap;
 mod recognize;
+mod rtac;
 mod samples;
 mod sr;
 mod stream;
+mod tap_note;
 #[cfg(test)]
 mod transcript;
 mod uart9;
@@ -60,6 +63,8 @@ pub trait Source {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 #[value(rename_all = "kebab-case")]
 pub enum InputFormat {
+    /// Packet capture with serial characters (link type 250)
+    Pcap,
     /// sigrok session
     Sr,
     /// Value change dump
@@ -143,6 +148,7 @@ fn reader_of(
 ) -> Result<Box<dyn Source>, SourceError> {
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
+        InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options)?)),
         InputFormat::Sr => Box::new(sr::open(input, options)?),
         InputFormat::Vcd => Box::new(vcd::Vcd::new(input, options)?),
         InputFormat::Logic => Box::new(logic::Logic::raw(input, options)?),

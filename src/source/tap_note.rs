@@ -1,0 +1,97 @@
+//! The comment in which an interface of a packet capture tells what its stamps and marks are
+//! worth: `fieldtap-tap: clock=read pm_ns=16000000 parity=packet format=8E1`.
+
+use dissectors::event::Clock;
+use dissectors::uart::Format;
+
+const BEGINNING: &str = "fieldtap-tap:";
+
+/// What an interface tells about itself. By default, what holds for captures by other programs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct TapNote {
+    /// Who stamped.
+    pub clock: Clock,
+    /// ± of a stamp in ns; 0 where it is the stamp's resolution.
+    pub uncertainty: u32,
+    /// What a parity mark covers.
+    pub parity: ParityMarks,
+    /// The character format, if it is told.
+    pub format: Option<Format>,
+}
+
+/// What an adapter marks when it sees a parity error.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ParityMarks {
+    /// The character.
+    Character,
+    /// Every character that came in the same packet.
+    Packet,
+    /// Nothing: parity is not known.
+    None,
+}
+
+impl Default for TapNote {
+    fn default() -> Self {
+        TapNote { clock: Clock::Log, uncertainty: 0, parity: ParityMarks::Character, format: None }
+    }
+}
+
+impl TapNote {
+    /// Reads such a comment; `None` for any other. What is not understood counts as not told.
+    pub fn parse(comment: &str) -> Option<TapNote> {
+        let words = comment.strip_prefix(BEGINNING)?.split_ascii_whitespace();
+        let mut note = TapNote::default();
+        for (key, value) in words.filter_map(|word| word.split_once('=')) {
+            match key {
+                "clock" => note.clock = Clock::from_name(value).unwrap_or(Clock::Log),
+                "pm_ns" => {
+                    let ns = value.parse().unwrap_or(0_u64);
+                    note.uncertainty = u32::try_from(ns).unwrap_or(u32::MAX);
+                }
+                "parity" => {
+                    note.parity = match value {
+                        "packet" => ParityMarks::Packet,
+                        "none" => ParityMarks::None,
+                        _ => ParityMarks::Character,
+                    }
+                }
+                "format" => note.format = value.parse().ok(),
+                _ => {}
+            }
+        }
+        Some(note)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_comment_of_the_contract_is_read() {
+        let comment = "fieldtap-tap: clock=read pm_ns=16000000 parity=packet format=8E1";
+        assert_eq!(
+            TapNote::parse(comment),
+            Some(TapNote {
+                clock: Clock::Read,
+                uncertainty: 16_000_000,
+                parity: ParityMarks::Packet,
+                format: Some(Format::FT12),
+            })
+        );
+    }
+
+    #[test]
+    fn what_is_missing_or_strange_counts_as_not_told() {
+        let parse = |text| TapNote::parse(text);
+        assert_eq!(parse("fieldtap-tap:"), Some(TapNote::default()));
+        assert_eq!(
+            parse("fieldtap-tap: clock=sun pm_ns=-1 format=8X1 x=y z"),
+            parse("fieldtap-tap:")
+        );
+        assert_eq!(parse("fieldtap-tap: pm_ns=99999999999").unwrap().uncertainty, u32::MAX);
+        assert_eq!(parse("fieldtap-tap: parity=none").unwrap().parity, ParityMarks::None);
+        assert_eq!(parse("a comment of somebody else"), None);
+        assert_eq!(parse("fieldtap: 3 answers 154"), None);
+    }
+}
