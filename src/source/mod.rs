@@ -12,9 +12,11 @@ mod numbers;
 mod outbox;
 mod parmrk;
 mod pcap;
+mod pcapng;
 mod recognize;
 mod rtac;
 mod samples;
+mod selection;
 mod sr;
 mod stream;
 mod tap_note;
@@ -65,6 +67,8 @@ pub trait Source {
 pub enum InputFormat {
     /// Packet capture with serial characters (link type 250)
     Pcap,
+    /// Packet capture of several interfaces, with serial characters (link type 250)
+    Pcapng,
     /// sigrok session
     Sr,
     /// Value change dump
@@ -149,6 +153,7 @@ fn reader_of(
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
         InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options)?)),
+        InputFormat::Pcapng => Box::new(Reading::new(pcapng::PcapNg::new(input, options))),
         InputFormat::Sr => Box::new(sr::open(input, options)?),
         InputFormat::Vcd => Box::new(vcd::Vcd::new(input, options)?),
         InputFormat::Logic => Box::new(logic::Logic::raw(input, options)?),

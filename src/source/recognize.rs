@@ -1,7 +1,7 @@
 //! What a source is, from its first bytes.
 
 use super::{Input, InputFormat, Place, SourceError};
-use super::{chars, pcap, sr, vcd};
+use super::{chars, pcap, pcapng, sr, vcd};
 
 /// Finds the format of a source from as few bytes as tell it.
 ///
@@ -21,6 +21,7 @@ pub fn format_of(input: &mut Input) -> Result<InputFormat, SourceError> {
 
 fn recognize(head: &[u8]) -> Option<InputFormat> {
     let formats = [
+        (pcapng::is_pcapng(head), InputFormat::Pcapng),
         (pcap::is_pcap(head), InputFormat::Pcap),
         (sr::is_zip(head), InputFormat::Sr),
         (vcd::is_dump(head), InputFormat::Vcd),

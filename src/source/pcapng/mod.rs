@@ -1,0 +1,300 @@
+//! pcapng: packets of several interfaces in one or more sections (draft-ietf-opsawg-pcapng).
+//!
+//! Each interface with link type 250 is a bus. Interfaces of the same name in a later section go on
+//! with the bus of the first, as the files of a ring do.
+
+mod blocks;
+mod fields;
+mod interface;
+mod packet;
+#[cfg(test)]
+mod tests;
+
+use super::outbox::{Outbox, Reader};
+use super::pcap::{LONGEST_PACKET, link_name, wrong_link};
+use super::rtac::{self, Packet, Tap};
+use super::selection::Selection;
+use super::{Input, Place, SourceError, SourceOptions};
+use blocks::{Block, Blocks};
+use dissectors::event::Moment;
+use dissectors::record::BusInfo;
+use fields::Stamps;
+use interface::{Description, description};
+use packet::{PacketFields, Statistics, enhanced, obsolete, statistics};
+use pcap_file::pcapng::blocks::{
+    ENHANCED_PACKET_BLOCK, INTERFACE_DESCRIPTION_BLOCK, INTERFACE_STATISTIC_BLOCK, PACKET_BLOCK,
+    SECTION_HEADER_BLOCK, SIMPLE_PACKET_BLOCK,
+};
+
+/// Most interfaces that are believed, in a section and with different names in a file.
+const MOST_INTERFACES: usize = 1024;
+
+/// How comments begin that were made from what was decoded, and will be made anew.
+const OWN_COMMENTS: [&[u8]; 4] = [b"fieldtap: ", b"[error ", b"[warning ", b"[info "];
+
+/// Whether a source begins like a pcapng file.
+pub fn is_pcapng(head: &[u8]) -> bool {
+    head.starts_with(b"\x0A\x0D\x0D\x0A")
+        && matches!(head.get(8..12), Some(b"\x1A\x2B\x3C\x4D" | b"\x4D\x3C\x2B\x1A"))
+}
+
+/// A pcapng source.
+pub struct PcapNg {
+    blocks: Blocks,
+    listener: Listener,
+}
+
+impl PcapNg {
+    /// Reads blocks from this input.
+    pub fn new(input: Input, options: &SourceOptions) -> Self {
+        let listener = Listener {
+            selection: Selection::new(options),
+            interfaces: Vec::new(),
+            buses: Vec::new(),
+            has_serial: false,
+            foreign: None,
+            told_oddity: false,
+            told_simple: false,
+        };
+        PcapNg { blocks: Blocks::new(input), listener }
+    }
+}
+
+impl Reader for PcapNg {
+    fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
+        let Some(length) = self.blocks.find()? else {
+            self.listener.finish(self.blocks.name())?;
+            return Ok(false);
+        };
+        let block = self.blocks.found(length)?;
+        self.listener.hear(&block, &self.blocks, out)?;
+        self.blocks.take(length);
+        Ok(true)
+    }
+}
+
+/// What is known of the interfaces so far.
+struct Listener {
+    selection: Selection,
+    /// The interfaces of this section.
+    interfaces: Vec<Interface>,
+    /// The buses of the file.
+    buses: Vec<BusInfo>,
+    has_serial: bool,
+    /// A link type that is not serial, where there is one.
+    foreign: Option<u16>,
+    told_oddity: bool,
+    told_simple: bool,
+}
+
+struct Interface {
+    stamps: Stamps,
+    role: Role,
+}
+
+enum Role {
+    /// It is heard.
+    Heard(Tap),
+    /// The user did not ask for it.
+    NotAskedFor,
+    /// Its packets are not characters.
+    Foreign { link_type: u16, is_told: bool },
+}
+
+impl Listener {
+    fn hear(
+        &mut self,
+        block: &Block<'_>,
+        blocks: &Blocks,
+        out: &mut Outbox,
+    ) -> Result<(), SourceError> {
+        let short = || blocks.error("is shorter than its fields: the file is damaged");
+        let Block { kind, order, body } = *block;
+        match kind {
+            ENHANCED_PACKET_BLOCK => {
+                let (_, packet) = enhanced(body, order).map_err(|_| short())?;
+                self.packet(packet, blocks, out)
+            }
+            PACKET_BLOCK => {
+                let (_, packet) = obsolete(body, order).map_err(|_| short())?;
+                self.packet(packet, blocks, out)
+            }
+            INTERFACE_DESCRIPTION_BLOCK => {
+                let (_, description) = description(body, order).map_err(|_| short())?;
+                self.interface(description, blocks, out)
+            }
+            INTERFACE_STATISTIC_BLOCK => {
+                let (_, statistics) = statistics(body, order).map_err(|_| short())?;
+                self.statistics(statistics, blocks, out)
+            }
+            SECTION_HEADER_BLOCK => {
+                self.interfaces.clear();
+                Ok(())
+            }
+            SIMPLE_PACKET_BLOCK => {
+                if !std::mem::replace(&mut self.told_simple, true) {
+                    out.warning(blocks.error("packets without a time are left out"));
+                }
+                Ok(())
+            }
+            // Name resolution, secrets, and whatever others put into their files.
+            _ => Ok(()),
+        }
+    }
+
+    fn interface(
+        &mut self,
+        told: Description,
+        blocks: &Blocks,
+        out: &mut Outbox,
+    ) -> Result<(), SourceError> {
+        let number = self.interfaces.len();
+        if number.max(self.buses.len()) >= MOST_INTERFACES {
+            return Err(blocks.error("more interfaces than anybody has: the file is damaged"));
+        }
+        let Description { link_type, stamps, .. } = told;
+        let role = if link_type == rtac::LINK_TYPE {
+            self.has_serial = true;
+            let name = told.name.unwrap_or_else(|| format!("if{number}"));
+            let note = told.note.unwrap_or_default();
+            if note.format.is_some_and(|format| format.data_bits() > 8) {
+                return Err(blocks.error("characters of nine data bits do not fit into bytes"));
+            }
+            if self.selection.takes(&name) {
+                let info = BusInfo { name, clock: Some(note.clock) };
+                Role::Heard(self.tap(
+                    info,
+                    |bus, options| Tap::new(bus, &note, stamps.resolution(), told.baud, options),
+                    out,
+                ))
+            } else {
+                Role::NotAskedFor
+            }
+        } else {
+            self.foreign = self.foreign.or(Some(link_type));
+            Role::Foreign { link_type, is_told: false }
+        };
+        self.interfaces.push(Interface { stamps, role });
+        Ok(())
+    }
+
+    /// The tap of a bus, which appears unless an earlier section had it.
+    fn tap(
+        &mut self,
+        info: BusInfo,
+        tap: impl FnOnce(usize, &SourceOptions) -> Tap,
+        out: &mut Outbox,
+    ) -> Tap {
+        let known = self.buses.iter().position(|bus| *bus == info);
+        let tap = tap(known.unwrap_or(self.buses.len()), self.selection.options());
+        if known.is_none() {
+            self.buses.push(info.clone());
+            out.bus(info, tap.facts());
+        }
+        tap
+    }
+
+    fn packet(
+        &mut self,
+        fields: PacketFields<'_>,
+        blocks: &Blocks,
+        out: &mut Outbox,
+    ) -> Result<(), SourceError> {
+        let interface = interface_of(&mut self.interfaces, fields.interface, blocks)?;
+        let tap = match &mut interface.role {
+            Role::Heard(tap) => tap,
+            Role::NotAskedFor => return Ok(()),
+            Role::Foreign { link_type, .. } if !self.has_serial => {
+                return Err(blocks.error(wrong_link(*link_type)));
+            }
+            Role::Foreign { link_type, is_told } => {
+                if !std::mem::replace(is_told, true) {
+                    out.warning(blocks.error(format!(
+                        "interface {} has link type {}: its packets are left out",
+                        fields.interface,
+                        link_name(*link_type)
+                    )));
+                }
+                return Ok(());
+            }
+        };
+        let Some(at) = interface.stamps.moment(fields.ticks) else {
+            return Err(blocks.error("its stamp lies after the year 2262: if_tsresol is not right"));
+        };
+        if fields.bytes.len() > LONGEST_PACKET as usize {
+            let length = fields.bytes.len();
+            let what = format!("a packet of {length} bytes, longer than any: the file is damaged");
+            return Err(blocks.error(what));
+        }
+        let packet = Packet {
+            at,
+            bytes: fields.bytes,
+            original_length: fields.original_length,
+            lost_before: fields.dropped,
+        };
+        comments(tap.bus(), at, fields.comments(), out);
+        if let (Some(oddity), false) = (tap.hear(&packet, out), self.told_oddity) {
+            self.told_oddity = true;
+            out.warning(blocks.error(oddity));
+        }
+        Ok(())
+    }
+
+    fn statistics(
+        &mut self,
+        fields: Statistics<'_>,
+        blocks: &Blocks,
+        out: &mut Outbox,
+    ) -> Result<(), SourceError> {
+        let interface = interface_of(&mut self.interfaces, fields.interface, blocks)?;
+        let Role::Heard(tap) = &interface.role else { return Ok(()) };
+        let end = fields.end.and_then(|ticks| interface.stamps.moment(ticks));
+        if fields.dropped > 0 {
+            out.warning(blocks.error(format!(
+                "{} packets of interface {} were lost in the capture, nobody knows where",
+                fields.dropped, fields.interface
+            )));
+        }
+        comments(tap.bus(), end.unwrap_or(Moment::UNKNOWN), fields.comments(), out);
+        if let Some(end) = end {
+            out.end(tap.bus(), end);
+        }
+        Ok(())
+    }
+
+    fn finish(&self, name: &str) -> Result<(), SourceError> {
+        match self.foreign {
+            Some(link_type) if !self.has_serial => {
+                Err(SourceError::new(name, Place::Whole, wrong_link(link_type)))
+            }
+            _ => self.selection.check(name),
+        }
+    }
+}
+
+fn interface_of<'a>(
+    interfaces: &'a mut [Interface],
+    number: u32,
+    blocks: &Blocks,
+) -> Result<&'a mut Interface, SourceError> {
+    let there = interfaces.len();
+    interfaces.get_mut(number as usize).ok_or_else(|| {
+        blocks.error(format!(
+            "is of interface {number}, and its section has {there}: the file is damaged"
+        ))
+    })
+}
+
+/// Passes on what somebody else wrote.
+fn comments<'a>(
+    bus: usize,
+    at: Moment,
+    comments: impl Iterator<Item = &'a [u8]>,
+    out: &mut Outbox,
+) {
+    for comment in comments {
+        if !OWN_COMMENTS.iter().any(|beginning| comment.starts_with(beginning)) {
+            out.comment(bus, at, &String::from_utf8_lossy(comment));
+        }
+    }
+}
