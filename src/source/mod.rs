@@ -6,6 +6,7 @@ mod chars;
 mod damage;
 mod error;
 mod input;
+mod lanes;
 mod lines;
 mod logic;
 mod numbers;
@@ -14,7 +15,9 @@ mod parmrk;
 mod pcap;
 mod pcapng;
 mod recognize;
+mod rows;
 mod rtac;
+mod saleae;
 mod samples;
 mod selection;
 mod sr;
@@ -73,6 +76,10 @@ pub enum InputFormat {
     Sr,
     /// Value change dump
     Vcd,
+    /// Saleae Logic 2: raw digital data as CSV
+    SaleaeCsv,
+    /// Saleae Logic 2: raw digital data in binary form
+    SaleaeBin,
     /// Bytes alone, parity unknown
     Bytes,
     /// Bytes of a Linux tty that marks parity errors (INPCK and PARMRK)
@@ -160,5 +167,11 @@ fn reader_of(
         InputFormat::Bytes => Box::new(Reading::new(bytes::Bytes::new(input, options)?)),
         InputFormat::Parmrk => Box::new(Reading::new(parmrk::Parmrk::new(input, options)?)),
         InputFormat::Uart9 => Box::new(Reading::new(uart9::Uart9::new(input, options)?)),
+        InputFormat::SaleaeCsv => {
+            Box::new(Reading::new(saleae::digital::Digital::new(input, options)))
+        }
+        InputFormat::SaleaeBin => {
+            Box::new(Reading::new(saleae::binary::Binary::new(input, options)?))
+        }
     })
 }

@@ -1,7 +1,7 @@
 //! What a source is, from its first bytes.
 
 use super::{Input, InputFormat, Place, SourceError};
-use super::{chars, pcap, pcapng, sr, vcd};
+use super::{chars, pcap, pcapng, saleae, sr, vcd};
 
 /// Finds the format of a source from as few bytes as tell it.
 ///
@@ -27,5 +27,6 @@ fn recognize(head: &[u8]) -> Option<InputFormat> {
         (vcd::is_dump(head), InputFormat::Vcd),
         (chars::is_header(head), InputFormat::Chars),
     ];
-    formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format)
+    let found = formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format);
+    found.or_else(|| saleae::format_of(head))
 }
