@@ -80,6 +80,8 @@ pub enum InputFormat {
     SaleaeCsv,
     /// Saleae Logic 2: raw digital data in binary form
     SaleaeBin,
+    /// Saleae Logic 2: characters of the Async Serial analyzer
+    SaleaeTable,
     /// Bytes alone, parity unknown
     Bytes,
     /// Bytes of a Linux tty that marks parity errors (INPCK and PARMRK)
@@ -172,6 +174,9 @@ fn reader_of(
         }
         InputFormat::SaleaeBin => {
             Box::new(Reading::new(saleae::binary::Binary::new(input, options)?))
+        }
+        InputFormat::SaleaeTable => {
+            Box::new(Reading::new(saleae::table::Table::new(input, options)))
         }
     })
 }

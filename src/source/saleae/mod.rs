@@ -2,7 +2,9 @@
 
 pub mod binary;
 pub mod digital;
+pub mod table;
 mod time;
+mod value;
 
 use super::InputFormat;
 use super::rows::without_mark;
@@ -15,5 +17,11 @@ pub fn format_of(head: &[u8]) -> Option<InputFormat> {
     let head = without_mark(head);
     let end = head.iter().position(|byte| *byte == b'\n')?;
     let line = head[..end].strip_suffix(b"\r").unwrap_or(&head[..end]);
-    digital::is_header(line).then_some(InputFormat::SaleaeCsv)
+    if table::is_header(line) {
+        Some(InputFormat::SaleaeTable)
+    } else if digital::is_header(line) {
+        Some(InputFormat::SaleaeCsv)
+    } else {
+        None
+    }
 }
