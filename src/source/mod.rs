@@ -122,7 +122,9 @@ impl SourceOptions {
             .iter()
             .find(|wanted| !there.iter().any(|channel| name(channel) == *wanted));
         if let Some(missing) = missing {
-            let names: Vec<&str> = there.iter().map(&name).collect();
+            // Names come from the capture, and this goes to a terminal.
+            let names: Vec<String> =
+                there.iter().map(|channel| name(channel).escape_debug().to_string()).collect();
             return Err(format!("there is no channel {missing}: there is {}", names.join(", ")));
         }
         let is_wanted = |channel: &T| self.channels.iter().any(|wanted| wanted == name(channel));
