@@ -8,6 +8,7 @@ mod commands;
 mod decode;
 mod export;
 mod pipeline;
+mod simulate;
 mod source;
 mod stations;
 mod tally;
