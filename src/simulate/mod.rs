@@ -14,7 +14,13 @@
 //! bus without a rule of its own.
 
 mod chance;
+mod chars;
 mod line;
+mod pcapng;
 mod receiver;
+mod samples;
+mod sr;
+mod tap;
 mod time;
+mod vcd;
 mod word;
