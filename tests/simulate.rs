@@ -1,0 +1,129 @@
+//! The simulator through the built program: its captures, its forms, its manners.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn simulate(arguments: &[&str]) -> Output {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_fieldtap"));
+    program.args(["simulate", "slin"]).args(arguments).output().expect("the program runs")
+}
+
+fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn scratch(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+/// File and options of each row of captures/README.md that was simulated.
+fn simulated_captures(table: &str) -> Vec<(&str, Vec<&str>)> {
+    let rows = table.lines().filter(|line| line.starts_with("| `"));
+    rows.filter_map(|row| {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let options = cells[3].strip_prefix('`')?.trim_end_matches('`');
+        Some((cells[0].trim_matches('`'), options.split_whitespace().collect()))
+    })
+    .collect()
+}
+
+#[test]
+fn the_captures_are_what_the_table_says() {
+    let table = fs::read_to_string(here("captures/README.md")).unwrap();
+    let captures = simulated_captures(&table);
+    assert!(captures.len() > 60);
+    for (file, options) in captures {
+        let kept = fs::read(here("captures").join(file)).unwrap();
+        // How tightly a session is packed is the compressor's business.
+        if file.ends_with(".sr") {
+            continue;
+        }
+        let form = file.rsplit('.').next().unwrap();
+        let made = simulate(&[&["-o", "-", "--output-format", form], &options[..]].concat());
+        assert!(made.status.success(), "{file}: {}", String::from_utf8_lossy(&made.stderr));
+        assert!(made.stdout == kept, "{file} is not what {options:?} makes");
+    }
+}
+
+#[test]
+fn every_file_is_in_the_table() {
+    let table = fs::read_to_string(here("captures/README.md")).unwrap();
+    for folder in fs::read_dir(here("captures")).unwrap() {
+        let folder = folder.unwrap().path();
+        if !folder.is_dir() {
+            continue;
+        }
+        for file in fs::read_dir(&folder).unwrap() {
+            let path = file.unwrap().path();
+            let name = path.strip_prefix(here("captures")).unwrap().to_str().unwrap();
+            assert!(table.contains(&format!("| `{name}` |")), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_simulator_shares_nothing_with_the_dissectors() {
+    let mut files = vec![here("src/commands/simulate.rs")];
+    let room = fs::read_dir(here("src/simulate")).unwrap();
+    files.extend(room.map(|entry| entry.unwrap().path()));
+    assert!(files.len() > 20);
+    for file in files {
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(!text.contains("dissectors"), "{}", file.display());
+    }
+}
+
+#[test]
+fn the_truth_has_a_line_an_exchange() {
+    let (capture, truth) = (scratch("truth.pcapng"), scratch("truth.jsonl"));
+    let files = ["-o", capture.to_str().unwrap(), "--truth", truth.to_str().unwrap()];
+    let options = ["--exchanges", "50", "--fault", "parity=0.3", "--start-time", "1000"];
+    assert!(simulate(&[&files[..], &options].concat()).status.success());
+    let lines: Vec<serde_json::Value> = fs::read_to_string(&truth)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), 51);
+    assert_eq!(lines[0]["bus"]["encoders"][0]["profile"], "baumer");
+    // The first request is sent 5 ms after the start.
+    assert_eq!(lines[1]["time_ns"], 1_000_005_000_000_i64);
+    let struck = lines.iter().filter(|line| line["fault"] == "parity");
+    assert!(struck.clone().count() > 3);
+    for line in struck {
+        assert_eq!(line["expect"], serde_json::json!(["slin.parity"]));
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_before_anything_is_written() {
+    for (options, reason) in [
+        (&["-o", "x.mp3"][..], "names no form"),
+        (&["-o", "-", "--output-format", "sr"], "name a file"),
+        (&["-o", "x.chars", "--fault", "overrun"], "only pcapng"),
+        (&["-o", "x.sr", "--fault", "wrong-rate"], "have no rate"),
+        (&["-o", "x.chars", "--fault", "ambiguous"], "bit 3 is high"),
+        (&["-o", "x.chars", "--fault", "noise"], "--list-faults"),
+        (&["-o", "x.chars", "--encoders", "8"], "an address is 0 to 7"),
+        (&["-o", "x.chars", "--bits", "13+16"], "28 together"),
+        (&["-o", "x.chars", "--profile", "7=tr"], "not in --encoders"),
+        (&[], "--output"),
+    ] {
+        let refused = simulate(options);
+        assert_eq!(refused.status.code(), Some(2), "{options:?}");
+        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(told.contains(reason), "{options:?}: {told}");
+        assert!(refused.stdout.is_empty() && !Path::new("x.chars").exists());
+    }
+    let nowhere = simulate(&["-o", "/nowhere/x.chars"]);
+    assert_eq!(nowhere.status.code(), Some(3));
+}
+
+#[test]
+fn faults_are_listed_with_their_codes() {
+    let list = simulate(&["--list-faults"]);
+    let text = String::from_utf8(list.stdout).unwrap();
+    assert!(list.status.success() && text.lines().count() >= 25);
+    assert!(text.contains("slin.checksum") && text.contains("wrong under every reading"));
+}
