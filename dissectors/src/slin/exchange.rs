@@ -237,7 +237,7 @@ impl Exchange {
 #[derive(Clone, Copy, Debug)]
 pub struct Distance {
     /// From the end of the one to the start of the other, in ns.
-    gap: i64,
+    pub gap: i64,
     /// Duration of a character in ns.
     character: i64,
 }
@@ -256,6 +256,12 @@ impl Distance {
     #[must_use]
     pub const fn is_close(self) -> bool {
         self.gap < self.character / 2
+    }
+
+    /// Whether the later one follows within two bits, as words that one encoder sends do.
+    #[must_use]
+    pub const fn is_joined(self) -> bool {
+        self.gap < self.character * 2 / 11
     }
 
     /// Whether more than one lost character fits between them.

@@ -120,7 +120,10 @@ impl Question<'_> {
             let is_request = may_be_request && stands_alone && self.next.is_data();
             return if is_request { Part::Request } else { Part::Data };
         }
-        if self.follows() == Some(true) {
+        // Long after the request nothing is its first data word.
+        let is_late =
+            self.before.is_some_and(|before| before.gap > 2 * self.expectation.window.latest);
+        if self.follows() == Some(true) && !(is_late && may_be_request) {
             return Part::Data;
         }
         if self.follows().is_none() {
@@ -178,8 +181,17 @@ impl Question<'_> {
     }
 
     /// Whether, with the damaged character as a data word whose bit 7 flipped, the control word
-    /// right behind it is the footer.
+    /// right behind it is the footer. Where the damaged one is a perfect footer itself, the other
+    /// must be joined to it.
     fn ends_the_answer_with(&self, damaged: &Character, control: u8) -> bool {
+        let bit3 = Footer::of(control).bit3;
+        if self.expectation.bit3.is_some_and(|expected| expected != bit3) {
+            return false;
+        }
+        let is_footer = self.fits_as_footer(damaged.byte(), self.exchange.data());
+        if is_footer && self.behind().is_some_and(|behind| !behind.is_joined()) {
+            return false;
+        }
         let mut data = [0; super::exchange::CAPACITY];
         let words = self.exchange.words();
         data[..words].copy_from_slice(self.exchange.data());
@@ -204,11 +216,16 @@ impl Question<'_> {
 
     /// Whether what follows came without a pause; `None` where the clock cannot tell.
     fn follows(&self) -> Option<bool> {
+        match self.next {
+            Next::Silence => Some(false),
+            Next::Character(_) => self.behind().map(Distance::is_close),
+        }
+    }
+
+    /// How far behind it the next one came.
+    fn behind(&self) -> Option<Distance> {
         match (self.next, self.exchange.last()) {
-            (Next::Silence, _) => Some(false),
-            (Next::Character(next), Some(character)) => {
-                Distance::between(character, next, self.wire).map(Distance::is_close)
-            }
+            (Next::Character(next), Some(last)) => Distance::between(last, next, self.wire),
             _ => None,
         }
     }

@@ -152,7 +152,8 @@ impl Ledger {
             let expected = telegram.checksum_expected.unwrap_or(footer.checksum);
             self.verdict.judge_checksum(response.data, footer, expected);
         }
-        self.verdict.judge_time(taken, expectation.window, self.wire);
+        let bit3 = response.footer.map(|footer| footer.bit3);
+        self.verdict.judge_time(taken, self.habits.window(asked, bit3), self.wire);
         self.judge_station(exchange, asked, address);
         telegram.station = self.names.get(&u16::from(address.get()));
         let sound = is_sound(exchange, telegram.checksum_expected.unwrap_or_default());
@@ -202,12 +203,9 @@ impl Ledger {
                 .limit(i64::from(answers));
             self.verdict.add(doubled);
         }
-        // Where another station answered, the one that was asked is still to be heard.
-        let answered = if exchange.footer().is_some_and(|footer| !footer.is_damaged()) {
-            named
-        } else {
-            asked
-        };
+        // Where another station answered, the one that was asked is still to be heard; but damaged
+        // characters name anybody.
+        let answered = if damaged == 0 { named } else { asked };
         let station = &mut self.stations[answered.index()];
         if let Some(over) = station.end_silence(now) {
             self.verdict.add(over);

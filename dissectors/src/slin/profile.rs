@@ -144,6 +144,11 @@ impl Evidence {
         }
     }
 
+    /// Whether its footers have mostly the other bit 3.
+    fn speaks_against(&self, high: bool) -> bool {
+        if high { self.low > self.high } else { self.high > self.low }
+    }
+
     /// The rules that are left, once one at least is ruled out.
     fn rules(&self) -> Option<Rules> {
         let is_beaten = |loser: &Rule| {
@@ -205,7 +210,20 @@ impl Habits {
         self.expectations[address.index()]
     }
 
-    /// The same, where it is not known who was asked.
+    /// When an answer may begin whose footer has this bit 3: where it is not what the others led to
+    /// expect, nothing that either manual allows is wrong.
+    #[must_use]
+    pub fn window(&self, address: Address, footer_bit3: Option<bool>) -> Window {
+        let expectation = self.of(address);
+        let is_odd = footer_bit3.is_some_and(|bit3| expectation.bit3.is_some_and(|e| e != bit3));
+        if is_odd && self.settings.profile == Profile::Auto {
+            Window::BAUMER
+        } else {
+            expectation.window
+        }
+    }
+
+    /// What is expected where it is not known who was asked.
     #[must_use]
     pub fn of_asked(&self, asked: Option<Address>) -> Expectation {
         let unknown = Expectation {
@@ -235,10 +253,12 @@ impl Habits {
 
     fn draw_conclusions(&mut self) {
         let bus_bit3 = unanimous(self.evidence.iter().filter_map(Evidence::bit3));
-        let bus_rules = unanimous(self.evidence.iter().filter_map(Evidence::rules));
         for (expectation, evidence) in self.expectations.iter_mut().zip(&self.evidence) {
-            let is_unknown = evidence.footers() < DECIDING;
-            let bit3 = evidence.bit3().or(bus_bit3.filter(|_| is_unknown));
+            let bit3 = evidence.bit3().or(bus_bit3.filter(|high| !evidence.speaks_against(*high)));
+            // Encoders that differ in bit 3 are different makers': they say nothing of each other.
+            let is_alike = |other: &&Evidence| bit3.is_none_or(|high| !other.speaks_against(high));
+            let alike = self.evidence.iter().filter(is_alike);
+            let bus_rules = unanimous(alike.filter_map(Evidence::rules));
             let rules = evidence.rules().or(bus_rules).unwrap_or(Rules::EVERY);
             expectation.bit3 = self.settings.bit3().or(bit3);
             expectation.rules = self.settings.rule().map_or(rules, Rules::only);

@@ -142,9 +142,10 @@ pub static WRONG_RATE: Code = Code {
     severity: Severity::Warning,
     meaning: "The rate that was set is probably not the rate of the line.",
     rule: "SLIN runs at 9600, 19200 or 115200 Bd (Baumer SLIN §3.1); TR also at 345594 Bd (TR SLIN §1).",
-    evidence: "Of the first characters many have framing and many have parity errors, and hardly one is a request. Told once.",
+    evidence: "Of the first characters many have a missing stop bit or wrong parity, and hardly one is a request. Told once.",
     causes: &[
         "the tap is set to another rate than master and encoders",
+        "A and B are swapped, and the receiver waits for an edge after a break (see uart.swapped-lines)",
         "one station runs at another rate than the rest (then only its answers are bad)",
     ],
     next: &[

@@ -10,6 +10,9 @@ pub(super) const RATES: [u32; 20] = [
     14_400, 28_800, 76_800, 460_800, 500_000, 921_600, 250_000, 1_000_000,
 ];
 
+/// The rates of SLIN, which take less evidence than others.
+const SLIN_RATES: [u32; 4] = [115_200, 19_200, 9_600, 345_594];
+
 /// How far a spacing may be off a rate's, in percent: clocks differ by 1 % and more.
 const TOLERANCE: i64 = 2;
 
@@ -38,7 +41,9 @@ pub(crate) fn baud_from_spacing(
         let target = baud.bits_ns(format.bits()).cast_signed();
         let count = spacings.iter().filter(near(target)).count();
         let overlapping = spacings.iter().filter(|ns| **ns < target * 95 / 100).count();
-        (count > 0 && overlapping * 20 <= spacings.len()).then_some((baud, count))
+        let share = if SLIN_RATES.contains(rate) { 10 } else { 4 };
+        let is_common = count > 0 && count * share >= spacings.len();
+        (is_common && overlapping * 20 <= spacings.len()).then_some((baud, count))
     };
     let standard = RATES.iter().filter_map(fits).min_by_key(|(_, count)| Reverse(*count));
     let (baud, count) = standard.or_else(|| {
@@ -83,6 +88,16 @@ mod tests {
         let starts: Vec<i64> = (0..5).map(|n| n * 352_000).collect();
         assert_eq!(found(&starts, 1), Some(31_250));
         assert_eq!(found(&starts[..3], 1), None);
+    }
+
+    #[test]
+    fn a_pause_that_happens_to_fit_a_rate_is_no_evidence() {
+        // Footers without data words, 50 to 900 µs after their requests, which come every 3 ms.
+        let mut starts = Vec::new();
+        for n in 0..40 {
+            starts.extend([n * 3_000_000, n * 3_000_000 + 145_000 + n * 21_000]);
+        }
+        assert_eq!(found(&starts, 1), None);
     }
 
     #[test]
