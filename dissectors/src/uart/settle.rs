@@ -1,9 +1,10 @@
 //! Where the first whole character of a capture begins.
 //!
 //! A capture may begin inside a character, and then every falling edge of the rest looks like a
-//! start. The first edge is taken unless another one leads to characters without any error where
-//! the first leads to errors. Where both ways are without error, the one whose characters join
-//! without a gap is right. What still cannot be told apart is left out: no character is invented.
+//! start. Every edge is followed until the ways meet: those that lead to errors are wrong, and of
+//! the others the one whose characters join without a gap is right. It begins with the first
+//! character that is joined to the next; what stands alone before it may be the rest of one that
+//! was cut. No character is invented.
 
 use super::receiver::Edges;
 use super::sampler::{Read, Sampler};
@@ -31,77 +32,83 @@ pub(super) fn settle(
         return first;
     }
     let end = idle_or(ticks, first, begin + FRAMES * sampler.frame(), sampler);
-    let one_frame = begin + 1.1 * sampler.frame();
-    let candidates = (first..end).step_by(2).take_while(|i| ticks[*i] as f64 <= one_frame);
-    let mut ways: Vec<Way> =
+    // All that comes before the first character is the rest of one that began before the capture:
+    // its last rise is that of its stop bit at the latest, and stays up for a bit. If the line is
+    // high at first, the start bit of that one was over.
+    let gone = if first == 0 { 2.0 } else { 1.0 };
+    let last_rise = edges.from as f64 + sampler.frame() - (gone - 0.3) * sampler.bit;
+    let may_begin = |start: &usize| match start.checked_sub(1).map(|rise| ticks[rise] as f64) {
+        Some(rise) => rise <= last_rise && ticks[*start] as f64 - rise > 0.75 * sampler.bit,
+        None => true,
+    };
+    let candidates = (first..end).step_by(2).filter(may_begin);
+    let ways: Vec<Way> =
         candidates.map(|start| follow(ticks, start..end, sampler, &is_wrong)).collect();
-    if ways.is_empty() {
-        return first;
-    }
-    let straight = ways.remove(0);
-    let flawless: Vec<&Way> =
-        ways.iter().filter(|way| way.errors_before(way.meets(&straight)) == 0).collect();
-    let is_better = |way: &&&Way| straight.errors_before(straight.meets(way)) > 0;
-    let mut rivals: Vec<&Way> = flawless.iter().filter(is_better).copied().collect();
-    if flawless.is_empty() && straight.stumbles() && end < ticks.len() {
-        return end;
-    }
-    if rivals.is_empty() {
-        rivals = flawless;
-        rivals.push(&straight);
-    }
-    let most = rivals.iter().map(|way| way.joints).max().unwrap_or(0);
-    rivals.retain(|way| way.joints == most);
-    let is_common = |start: &usize| rivals.iter().all(|way| way.goes_through(*start));
-    match rivals.as_slice() {
-        [] => first,
-        [only] => only.start(),
-        [one, ..] => match one.steps.iter().map(|step| step.start).find(is_common) {
-            Some(meeting) => meeting,
-            // They meet in the idle time behind them, unless nothing is there: then the capture
-            // is a single character, which begins with its first edge.
-            None if end < ticks.len() => end,
-            None => first,
-        },
-    }
+    let [straight, ..] = ways.as_slice() else { return first };
+    let is_everywhere = |start: &usize| ways.iter().all(|way| way.goes_through(*start));
+    let meeting = straight.starts().find(is_everywhere).filter(|_| ways.len() > 1);
+    let mut right: Vec<&Way> = ways.iter().filter(|way| way.errors_before(meeting) == 0).collect();
+    // One joint may be chance, so it only speaks for what is the plainest anyway.
+    let worth = |way: &Way| {
+        let is_straight = way.starts().next() == Some(first);
+        way.joints_up_to(meeting) + usize::from(is_straight)
+    };
+    let most = right.iter().map(|way| worth(way)).max().unwrap_or(0);
+    right.retain(|way| worth(way) + 1 >= most);
+    let start = match right.as_slice() {
+        [] => {
+            // Noise: where the line is idle later on, that is a place to begin.
+            let is_hopeless = straight.stumbles() && end < ticks.len();
+            return if is_hopeless { end } else { first };
+        }
+        [only] => only.first_joined(meeting),
+        [one, ..] => one.starts().find(|start| right.iter().all(|way| way.goes_through(*start))),
+    };
+    // Where nothing is sure, the next idle time is; unless there is none, as where the capture is a
+    // single character, which begins with its first edge.
+    start.or(meeting).unwrap_or(if end < ticks.len() { end } else { first })
 }
 
 /// One way to begin, and where it leads.
-struct Way {
-    steps: Vec<Step>,
-    /// Characters that begin right behind the one before.
-    joints: usize,
-}
+struct Way(Vec<Step>);
 
 #[derive(Clone, Copy)]
 struct Step {
     /// The index of its edge.
     start: usize,
     is_wrong: bool,
+    /// The next character begins right behind it.
+    is_joined: bool,
 }
 
 impl Way {
-    fn start(&self) -> usize {
-        self.steps.first().map_or(0, |step| step.start)
+    fn starts(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|step| step.start)
     }
 
     fn goes_through(&self, start: usize) -> bool {
-        self.steps.binary_search_by_key(&start, |step| step.start).is_ok()
-    }
-
-    /// The start from which on it is the same as the other way.
-    fn meets(&self, other: &Way) -> usize {
-        let mut starts = self.steps.iter().map(|step| step.start);
-        starts.find(|start| other.goes_through(*start)).unwrap_or(usize::MAX)
+        self.0.binary_search_by_key(&start, |step| step.start).is_ok()
     }
 
     /// Whether it goes wrong early, as a way that begins inside a character does.
     fn stumbles(&self) -> bool {
-        self.steps.iter().take(EARLY).any(|step| step.is_wrong)
+        self.0.iter().take(EARLY).any(|step| step.is_wrong)
     }
 
-    fn errors_before(&self, start: usize) -> usize {
-        self.steps.iter().filter(|step| step.start < start && step.is_wrong).count()
+    fn before(&self, meeting: Option<usize>) -> impl Iterator<Item = &Step> {
+        self.0.iter().take_while(move |step| meeting.is_none_or(|meeting| step.start < meeting))
+    }
+
+    fn errors_before(&self, meeting: Option<usize>) -> usize {
+        self.before(meeting).filter(|step| step.is_wrong).count()
+    }
+
+    fn joints_up_to(&self, meeting: Option<usize>) -> usize {
+        self.before(meeting).filter(|step| step.is_joined).count()
+    }
+
+    fn first_joined(&self, meeting: Option<usize>) -> Option<usize> {
+        self.before(meeting).find(|step| step.is_joined).map(|step| step.start)
     }
 }
 
@@ -111,22 +118,21 @@ fn follow(
     sampler: &Sampler,
     is_wrong: &impl Fn(u16) -> bool,
 ) -> Way {
-    let mut way = Way { steps: Vec::new(), joints: 0 };
-    let (mut index, mut last) = (edges.start, None);
+    let mut steps = Vec::new();
+    let mut index = edges.start;
     while index < edges.end {
         let reading = sampler.read(ticks, index);
-        let tick = ticks[index] as f64;
         let is_wrong = match reading.read {
             Read::Character { bits, has_stop } => !has_stop || is_wrong(bits),
             Read::Break | Read::FalseStart => true,
         };
-        let gap = last.map(|last: f64| tick - last - sampler.frame());
-        way.joints += usize::from(gap.is_some_and(|gap| gap.max(-gap) < sampler.bit / 4.0));
-        way.steps.push(Step { start: index, is_wrong });
-        last = Some(tick);
+        let length = |next: &u64| (next - ticks[index]) as f64;
+        let gap = ticks.get(reading.next).map(length).map(|length| length - sampler.frame());
+        let is_joined = gap.is_some_and(|gap| gap.max(-gap) < sampler.bit / 4.0);
+        steps.push(Step { start: index, is_wrong, is_joined });
         index = reading.next;
     }
-    way
+    Way(steps)
 }
 
 /// The first falling edge behind a certain idle time, or behind the horizon, or the end.
@@ -177,6 +183,13 @@ mod tests {
             let bit = tick.map(|tick| tick / 10 + from as u64);
             assert!(bit.is_some_and(|bit| starts.contains(&bit)), "cut at {from}: {bit:?}");
         }
+    }
+
+    #[test]
+    fn the_rest_of_a_character_in_front_of_a_pause_is_no_character() {
+        // Idle, with a single low bit in it: FEh with the right parity, if it began here.
+        let rest = format_line("111 0 0 11111111111111111 ", ANSWER);
+        assert_eq!(begins(&line(&rest, 0)), Some(10 * 22));
     }
 
     #[test]
