@@ -59,13 +59,13 @@ fn line_of(bus: &Bus) -> String {
         LineCounts { characters, damaged, .. } if damaged * 100 > characters => "bad",
         _ => "ok",
     };
-    let rate = match wire.baud {
+    let rate = match wire.baud() {
         Some(baud) => baud.to_string(),
         None => "rate not known,".to_owned(),
     };
     let plural = if counts.characters == 1 { "" } else { "s" };
     let mut text =
-        format!("{state}: {rate} {}, {} character{plural}", wire.format, counts.characters);
+        format!("{state}: {rate} {}, {} character{plural}", wire.format(), counts.characters);
     let share = counts.damaged as f64 * 100.0 / counts.characters.max(1) as f64;
     // A String takes any text.
     let _ = write!(text, ", {} damaged ({share:.2} %)", counts.damaged);
@@ -228,23 +228,25 @@ impl Learned {
 impl fmt::Display for Learned {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.subject, self.value.as_deref().unwrap_or("undecided"))?;
-        match self.evidence.as_slice() {
-            [(None, evidence)] => write!(f, " ({evidence})"),
-            several => {
-                for (index, (station, evidence)) in several.iter().enumerate() {
-                    let separator = if index == 0 { " of" } else { "," };
-                    write!(f, "{separator} {} ({evidence})", station.unwrap_or_default())?;
-                }
-                Ok(())
+        // Stations with the same evidence stand together.
+        for (index, alike) in self.evidence.chunk_by(|(_, a), (_, b)| a == b).enumerate() {
+            let stations = alike.iter().filter_map(|(station, _)| *station);
+            let stations: Vec<String> = stations.map(|station| station.to_string()).collect();
+            match (stations.is_empty(), index) {
+                (true, _) => write!(f, " ")?,
+                (false, 0) => write!(f, ": {} ", stations.join(" "))?,
+                (false, _) => write!(f, ", {} ", stations.join(" "))?,
             }
+            write!(f, "({})", alike[0].1)?;
         }
+        Ok(())
     }
 }
 
 fn why_withheld(tally: &Tally, buses: &[Bus]) -> String {
     if buses.iter().all(|bus| bus.info().clock.is_none()) {
         "the source has no times".to_owned()
-    } else if buses.iter().any(|bus| bus.wire().baud.is_none()) {
+    } else if buses.iter().any(|bus| bus.wire().baud().is_none()) {
         "rate not known".to_owned()
     } else {
         format!("clock ±{}", Span(i64::from(tally.uncertainty)))

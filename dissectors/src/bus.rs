@@ -81,10 +81,8 @@ impl Bus {
     #[must_use]
     pub fn new(info: BusInfo, facts: WireFacts, settings: Settings) -> Self {
         let line = facts.sampling.map(|sampling| Line::new(sampling, settings.line));
-        let given = Wire {
-            baud: settings.line.baud.or(facts.baud),
-            format: settings.line.format.or(facts.format).unwrap_or(Format::FT12),
-        };
+        let format = settings.line.format.or(facts.format).unwrap_or(Format::FT12);
+        let given = Wire::new(settings.line.baud.or(facts.baud), format);
         let can_find_rate = info.clock.is_some() && !facts.spacing_is_assumed;
         Bus { line, decoder: Decoder::new(info, settings, can_find_rate), given }
     }

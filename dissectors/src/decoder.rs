@@ -199,18 +199,18 @@ impl Decoder {
     }
 
     fn must_find_rate(&self, wire: Wire) -> bool {
-        wire.baud.is_none() && self.can_find_rate
+        wire.baud().is_none() && self.can_find_rate
     }
 
     fn find_rate(&mut self, mut wire: Wire, characters: &[Character]) -> Wire {
         if self.must_find_rate(wire) {
-            let found = uart::baud_from_spacing(characters, wire.format);
-            wire.baud = found.as_ref().map(|(baud, _)| *baud);
+            let found = uart::baud_from_spacing(characters, wire.format());
+            wire = Wire::new(found.as_ref().map(|(baud, _)| *baud), wire.format());
             let evidence = match found {
                 Some((_, evidence)) => evidence,
                 None => String::from("no two characters came without a pause"),
             };
-            let value = wire.baud.map(|baud| baud.to_string());
+            let value = wire.baud().map(|baud| baud.to_string());
             self.conclusions.push(Conclusion { subject: "baud", station: None, value, evidence });
         }
         wire

@@ -106,11 +106,11 @@ impl<W: Write> PcapNg<W> {
 
     fn begin_interface(&mut self, record: &Record<'_>) -> io::Result<usize> {
         let (bus, wire) = (record.bus, record.wire);
-        if wire.format.data_bits() > 8 {
+        if wire.format().data_bits() > 8 {
             let what = format!(
                 "{} has {} data bits a character, and serial pcapng holds eight: write CSV or JSON",
                 bus.name,
-                wire.format.data_bits()
+                wire.format().data_bits()
             );
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
         }
@@ -127,14 +127,14 @@ impl<W: Write> PcapNg<W> {
             "fieldtap-tap: clock={} pm_ns={} parity={parity} format={}",
             clock.name(),
             record.uncertainty,
-            wire.format
+            wire.format()
         );
         let mut options = vec![
             InterfaceDescriptionOption::IfName(Cow::Borrowed(bus.name.as_str())),
             InterfaceDescriptionOption::IfTsResol(InterfaceTsResolution::NANO),
             InterfaceDescriptionOption::Common(CommonOption::Comment(Cow::Owned(comment))),
         ];
-        if let Some(baud) = wire.baud {
+        if let Some(baud) = wire.baud() {
             options.push(InterfaceDescriptionOption::IfSpeed(u64::from(baud.get())));
         }
         let block =
@@ -266,11 +266,11 @@ fn length_of_run(characters: &[Character], wire: Wire) -> usize {
     let [first, others @ ..] = characters else { return 0 };
     let is_plain =
         |character: &Character| !character.is_damaged() && character.parity() != Parity::Suspect;
-    let (Some(baud), true) = (wire.baud, is_plain(first)) else { return 1 };
+    let (Some(baud), true) = (wire.baud(), is_plain(first)) else { return 1 };
     let half_bit = baud.bits_ns(1).cast_signed() / 2;
     let off_by = i64::from(first.uncertainty).min(half_bit);
     let follows = |(index, character): &(u32, &Character)| {
-        let rebuilt = baud.bits_ns(wire.format.bits() * (index + 1)).cast_signed();
+        let rebuilt = baud.bits_ns(wire.format().bits() * (index + 1)).cast_signed();
         let start = character.start.since(first.start);
         is_plain(character) && start.is_some_and(|start| (start - rebuilt).abs() <= off_by)
     };

@@ -165,7 +165,7 @@ fn write_styled(out: &mut impl Write, style: Option<Style>, text: &str) -> io::R
 
 /// A character's bits in the order they are sent: start bit, data bits, parity bit, stop bit.
 fn bits(character: &Character, record: &Record<'_>) -> String {
-    let format = record.wire.format;
+    let format = record.wire.format();
     let mut text = "0 ".to_owned();
     for bit in 0..format.data_bits() {
         text.push(if character.value() >> bit & 1 == 1 { '1' } else { '0' });

@@ -5,3 +5,4 @@ mod harness;
 mod real_captures;
 mod selection;
 mod telegrams;
+mod truth;

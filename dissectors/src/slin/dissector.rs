@@ -41,7 +41,7 @@ impl Slin {
     /// A bus that nothing was heard of.
     #[must_use]
     pub fn new(wire: Wire, settings: &Settings) -> Self {
-        let has_parity = wire.format.parity() == ParityRule::Even;
+        let has_parity = wire.format().parity() == ParityRule::Even;
         let wrong_parity = (!has_parity).then(|| Finding::new(&uart::WRONG_PARITY));
         Slin {
             open: Exchange::empty(),
@@ -63,7 +63,9 @@ impl Slin {
 
     fn character(&mut self, character: Character, outlet: &mut Outlet<'_, '_>) {
         self.ledger.signature.hear(character.byte(), character.is_damaged());
-        self.pending.extend(self.setup.hear(&character));
+        if let Some(finding) = self.setup.hear(&character) {
+            self.pending.push(finding);
+        }
         if let Some(last) = &self.last {
             if self.silence_from(last).is_some_and(|end| character.start.is_after(end)) {
                 self.silence(outlet);

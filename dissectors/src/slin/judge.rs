@@ -90,7 +90,7 @@ impl Verdict {
 
     /// Whether the answer began within the window. Limits are broken, kept, or too close to call.
     pub fn judge_time(&mut self, taken: Option<Interval>, window: Window, wire: Wire) {
-        let bit = wire.bits_ns(1);
+        let bit = wire.bit_ns();
         let (Some(Interval { ns, uncertainty }), Some(bit)) = (taken, bit) else {
             self.withheld.push(&codes::LATE_RESPONSE);
             if window.earliest.is_some() {
@@ -135,7 +135,7 @@ impl Interval {
 
     /// Whether it may lie within the window.
     pub fn may_lie_in(self, window: Window, wire: Wire) -> bool {
-        let slack = self.uncertainty + wire.bits_ns(1).unwrap_or_default();
+        let slack = self.uncertainty + wire.bit_ns().unwrap_or_default();
         self.ns >= window.earliest.unwrap_or(0) - slack && self.ns <= window.latest + slack
     }
 }

@@ -136,7 +136,6 @@ impl Ledger {
     ) {
         let response = exchange.response();
         let address = response.footer.map_or(asked, |footer| footer.address);
-        let expectation = self.habits.of(asked);
         let taken =
             exchange.first_word().and_then(|first| Interval::between(request, first, self.wire));
         let mut telegram = self.telegram_of(exchange);

@@ -244,9 +244,10 @@ impl Habits {
     /// Learns from an undamaged answer: bit 3 of its footer and the rules its checksum fits.
     pub fn learn(&mut self, address: Address, bit3: bool, fitting: Rules) {
         let evidence = &mut self.evidence[address.index()];
-        let before = (evidence.bit3(), evidence.rules());
+        let before = (evidence.bit3(), evidence.low > evidence.high);
         evidence.add(bit3, fitting);
-        if before != (evidence.bit3(), evidence.rules()) {
+        let tells_rules_apart = fitting != Rules::EVERY;
+        if tells_rules_apart || before != (evidence.bit3(), evidence.low > evidence.high) {
             self.draw_conclusions();
         }
     }

@@ -7,7 +7,8 @@ use crate::finding::Finding;
 const ENOUGH: u64 = 16;
 
 /// The request of Baumer's other RS485 protocol is `01 80 address 80 04`.
-const OTHER_REQUEST: [u8; 5] = [0x01, 0x80, 0x00, 0x80, 0x04];
+const OTHER_REQUEST: u64 = 0x01_80_00_80_04;
+const BUT_ITS_ADDRESS: u64 = 0xFF_FF_00_FF_FF;
 
 /// What the traffic so far speaks for.
 #[derive(Clone, Default, Debug)]
@@ -21,7 +22,8 @@ pub struct Signature {
     complete: u64,
     /// Requests of Baumer's other protocol.
     other_requests: u64,
-    last_bytes: [u8; 5],
+    /// The last bytes, the newest in the low eight bits.
+    last_bytes: u64,
 }
 
 impl Signature {
@@ -29,13 +31,8 @@ impl Signature {
     pub fn hear(&mut self, byte: u8, is_damaged: bool) {
         self.characters += 1;
         self.damaged += u64::from(is_damaged);
-        self.last_bytes.rotate_left(1);
-        self.last_bytes[4] = byte;
-        if byte == OTHER_REQUEST[4] {
-            let mut seen = self.last_bytes;
-            seen[2] = 0;
-            self.other_requests += u64::from(seen == OTHER_REQUEST);
-        }
+        self.last_bytes = self.last_bytes << 8 | u64::from(byte);
+        self.other_requests += u64::from(self.last_bytes & BUT_ITS_ADDRESS == OTHER_REQUEST);
     }
 
     /// So many characters turned out to be a plain request or an answer to one.

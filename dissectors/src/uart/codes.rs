@@ -185,7 +185,7 @@ pub static WRONG_PARITY: Code = Code {
             "{} of the first {all} characters fail in the way of a wrong parity setting",
             finding.actual.unwrap_or_default()
         ),
-        None => write!(out, "the characters are {}, SLIN's are 8E1", record.wire.format),
+        None => write!(out, "the characters are {}, SLIN's are 8E1", record.wire.format()),
     },
 };
 

@@ -167,23 +167,43 @@ impl FromStr for Format {
 /// What is known of how characters travel on a bus: enough to tell how long one takes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Wire {
-    /// The rate, where it is known.
-    pub baud: Option<Baud>,
-    /// The format.
-    pub format: Format,
+    baud: Option<Baud>,
+    format: Format,
+    /// Computed once: they are asked for with every character.
+    bit_ns: Option<i64>,
+    character_ns: Option<i64>,
 }
 
 impl Wire {
-    /// Duration of `bits` bits in ns, where the rate is known.
+    /// Characters of this format, at this rate if it is known.
     #[must_use]
-    pub fn bits_ns(self, bits: u32) -> Option<i64> {
-        self.baud.map(|baud| baud.bits_ns(bits).cast_signed())
+    pub fn new(baud: Option<Baud>, format: Format) -> Self {
+        let bits_ns = |bits| baud.map(|baud| baud.bits_ns(bits).cast_signed());
+        Wire { baud, format, bit_ns: bits_ns(1), character_ns: bits_ns(format.bits()) }
+    }
+
+    /// The rate, where it is known.
+    #[must_use]
+    pub const fn baud(self) -> Option<Baud> {
+        self.baud
+    }
+
+    /// The format.
+    #[must_use]
+    pub const fn format(self) -> Format {
+        self.format
+    }
+
+    /// Duration of a bit in ns, where the rate is known.
+    #[must_use]
+    pub const fn bit_ns(self) -> Option<i64> {
+        self.bit_ns
     }
 
     /// Duration of a character in ns, where the rate is known.
     #[must_use]
-    pub fn character_ns(self) -> Option<i64> {
-        self.bits_ns(self.format.bits())
+    pub const fn character_ns(self) -> Option<i64> {
+        self.character_ns
     }
 }
 

@@ -151,6 +151,6 @@ impl Line {
         let bit = self.sampling.ticks_per_second as f64 / f64::from(baud.get());
         let sampler = Sampler::new(bit, format);
         let receiver = Receiver::new(sampler, format, self.is_inverted, self.sampling);
-        self.stage = Stage::Receiving { receiver, wire: Wire { baud: Some(baud), format } };
+        self.stage = Stage::Receiving { receiver, wire: Wire::new(Some(baud), format) };
     }
 }

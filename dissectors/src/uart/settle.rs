@@ -48,13 +48,9 @@ pub(super) fn settle(
     let is_everywhere = |start: &usize| ways.iter().all(|way| way.goes_through(*start));
     let meeting = straight.starts().find(is_everywhere).filter(|_| ways.len() > 1);
     let mut right: Vec<&Way> = ways.iter().filter(|way| way.errors_before(meeting) == 0).collect();
-    // One joint may be chance, so it only speaks for what is the plainest anyway.
-    let worth = |way: &Way| {
-        let is_straight = way.starts().next() == Some(first);
-        way.joints_up_to(meeting) + usize::from(is_straight)
-    };
-    let most = right.iter().map(|way| worth(way)).max().unwrap_or(0);
-    right.retain(|way| worth(way) + 1 >= most);
+    // A single joint may be chance.
+    let most = right.iter().map(|way| way.joints_up_to(meeting)).max().unwrap_or(0);
+    right.retain(|way| way.joints_up_to(meeting) + 1 >= most);
     let start = match right.as_slice() {
         [] => {
             // Noise: where the line is idle later on, that is a place to begin.

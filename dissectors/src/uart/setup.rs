@@ -37,10 +37,12 @@ pub struct Setup {
 
 impl Setup {
     /// Takes a character. Returns a finding if this was the last one it took to be sure.
+    #[inline]
     pub fn hear(&mut self, character: &Character) -> Option<Finding> {
-        if self.is_judged {
-            return None;
-        }
+        if self.is_judged { None } else { self.look_at(character) }
+    }
+
+    fn look_at(&mut self, character: &Character) -> Option<Finding> {
         self.heard += 1;
         let framing = character.has_framing_error();
         let is_even = character.value().count_ones().is_multiple_of(2);
