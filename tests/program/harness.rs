@@ -114,6 +114,11 @@ impl Scratch {
     }
 }
 
+/// A file of the project.
+pub fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
 /// A path as an argument.
 pub fn argument(path: &Path) -> &str {
     path.to_str().expect("test paths are UTF-8")

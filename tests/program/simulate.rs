@@ -1,20 +1,11 @@
 //! The simulator through the built program: its captures, its forms, its manners.
 
+use crate::harness::{Run, Scratch, argument, fieldtap, here};
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 
-fn simulate(arguments: &[&str]) -> Output {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_fieldtap"));
-    program.args(["simulate", "slin"]).args(arguments).output().expect("the program runs")
-}
-
-fn here(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
-}
-
-fn scratch(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+fn simulate(arguments: &[&str]) -> Run {
+    fieldtap(["simulate", "slin"].iter().chain(arguments))
 }
 
 /// File and options of each row of captures/README.md that was simulated.
@@ -33,6 +24,7 @@ fn the_captures_are_what_the_table_says() {
     let table = fs::read_to_string(here("captures/README.md")).unwrap();
     let captures = simulated_captures(&table);
     assert!(captures.len() > 60);
+    let scratch = Scratch::new();
     for (file, options) in captures {
         let kept = fs::read(here("captures").join(file)).unwrap();
         // How tightly a session is packed is the compressor's business.
@@ -40,9 +32,9 @@ fn the_captures_are_what_the_table_says() {
             continue;
         }
         let form = file.rsplit('.').next().unwrap();
-        let made = simulate(&[&["-o", "-", "--output-format", form], &options[..]].concat());
-        assert!(made.status.success(), "{file}: {}", String::from_utf8_lossy(&made.stderr));
-        assert!(made.stdout == kept, "{file} is not what {options:?} makes");
+        let made = scratch.path(&format!("made.{form}"));
+        simulate(&[&["-q", "-o", argument(&made)], &options[..]].concat()).good();
+        assert!(fs::read(made).unwrap() == kept, "{file} is not what {options:?} makes");
     }
 }
 
@@ -76,10 +68,11 @@ fn the_simulator_shares_nothing_with_the_dissectors() {
 
 #[test]
 fn the_truth_has_a_line_an_exchange() {
-    let (capture, truth) = (scratch("truth.pcapng"), scratch("truth.jsonl"));
-    let files = ["-o", capture.to_str().unwrap(), "--truth", truth.to_str().unwrap()];
+    let scratch = Scratch::new();
+    let (capture, truth) = (scratch.path("truth.pcapng"), scratch.path("truth.jsonl"));
+    let files = ["-o", argument(&capture), "--truth", argument(&truth)];
     let options = ["--exchanges", "50", "--fault", "parity=0.3", "--start-time", "1000"];
-    assert!(simulate(&[&files[..], &options].concat()).status.success());
+    simulate(&[&files[..], &options].concat()).good();
     let lines: Vec<serde_json::Value> = fs::read_to_string(&truth)
         .unwrap()
         .lines()
@@ -111,19 +104,16 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
         (&[], "--output"),
     ] {
         let refused = simulate(options);
-        assert_eq!(refused.status.code(), Some(2), "{options:?}");
-        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(told.contains(reason), "{options:?}: {told}");
+        assert_eq!(refused.status, 2, "{options:?}");
+        assert!(refused.stderr.contains(reason), "{options:?}: {}", refused.stderr);
         assert!(refused.stdout.is_empty() && !Path::new("x.chars").exists());
     }
-    let nowhere = simulate(&["-o", "/nowhere/x.chars"]);
-    assert_eq!(nowhere.status.code(), Some(3));
+    assert_eq!(simulate(&["-o", "/nowhere/x.chars"]).status, 3);
 }
 
 #[test]
 fn faults_are_listed_with_their_codes() {
-    let list = simulate(&["--list-faults"]);
-    let text = String::from_utf8(list.stdout).unwrap();
-    assert!(list.status.success() && text.lines().count() >= 25);
+    let text = simulate(&["--list-faults"]).good().stdout;
+    assert!(text.lines().count() >= 25);
     assert!(text.contains("slin.checksum") && text.contains("wrong under every reading"));
 }

@@ -1,0 +1,126 @@
+//! The sample captures: each raises the finding that its folder is named after, and every finding
+//! has one.
+
+use crate::harness::{argument, codes, fieldtap, here};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// Folders of `captures/` and the files in them.
+fn captures() -> Vec<(String, Vec<PathBuf>)> {
+    let entries = |path: PathBuf| {
+        let entries = std::fs::read_dir(path).expect("captures are there");
+        let mut paths: Vec<PathBuf> =
+            entries.map(|entry| entry.expect("an entry").path()).collect();
+        paths.sort();
+        paths
+    };
+    let folders = entries(here("captures")).into_iter().filter(|path| path.is_dir());
+    folders
+        .map(|folder| {
+            let name = folder.file_name().and_then(|name| name.to_str()).expect("UTF-8").to_owned();
+            (name, entries(folder))
+        })
+        .collect()
+}
+
+/// What a capture has to be told that nothing can find out: that a line which looks like an
+/// inverted one is a swapped one.
+fn options(capture: &str) -> &'static [&'static str] {
+    if capture.ends_with("swapped-lines.sr") { &["--invert", "no"] } else { &[] }
+}
+
+/// The codes of the uart and slin protocols, as the program lists them.
+fn all_codes() -> BTreeSet<String> {
+    let list = fieldtap(["explain"]).good().stdout;
+    let names = list.lines().map(|line| line.split(' ').next().expect("a name").to_owned());
+    names.filter(|name| name.starts_with("uart.") || name.starts_with("slin.")).collect()
+}
+
+#[test]
+fn every_fault_is_raised_by_the_captures_of_its_folder() {
+    let mut raised = BTreeSet::new();
+    for (folder, files) in captures() {
+        if folder == "good" || folder == "manuals" {
+            continue;
+        }
+        let code = folder.replacen('-', ".", 1);
+        for file in files {
+            let read = ["read", "--format", "json", argument(&file)];
+            let run = fieldtap(read.iter().chain(options(argument(&file)))).good();
+            let found: BTreeSet<String> = run.records().iter().flat_map(codes).collect();
+            assert!(found.contains(&code), "{}: {found:?}", file.display());
+        }
+        raised.insert(code);
+    }
+    assert_eq!(raised, all_codes());
+}
+
+#[test]
+fn good_captures_have_no_finding_above_info() {
+    for (folder, files) in captures() {
+        if folder != "good" && folder != "manuals" {
+            continue;
+        }
+        for file in files {
+            let run = fieldtap(["read", "--format", "json", argument(&file)]).good();
+            let records = run.records();
+            assert!(!records.is_empty(), "{}", file.display());
+            for finding in records.iter().flat_map(|r| r["findings"].as_array().expect("an array"))
+            {
+                assert_eq!(finding["severity"], "info", "{}: {finding}", file.display());
+            }
+        }
+    }
+}
+
+/// The contract's codes of these protocols, by severity.
+#[test]
+fn severities_are_those_of_the_contract() {
+    let list = fieldtap(["explain"]).good().stdout;
+    let with = |severity: &str| -> Vec<&str> {
+        let words = list.lines().map(|line| line.split_whitespace().take(2).collect::<Vec<_>>());
+        words.filter(|words| words[1] == severity).map(|words| words[0]).collect()
+    };
+    let mut errors = with("error");
+    errors.sort_unstable();
+    assert_eq!(
+        errors,
+        [
+            "slin.address-mismatch",
+            "slin.checksum",
+            "slin.duplicate-address",
+            "slin.missing-footer",
+            "slin.no-response",
+            "slin.parity",
+            "slin.too-many-words",
+            "uart.framing",
+        ]
+    );
+    let mut infos = with("info");
+    infos.sort_unstable();
+    assert_eq!(
+        infos,
+        ["slin.ambiguous", "slin.glitch", "slin.never-answered", "slin.no-data-words"]
+    );
+    assert_eq!(with("warning").len(), all_codes().len() - errors.len() - infos.len());
+}
+
+#[test]
+fn every_finding_is_explained() {
+    for code in all_codes() {
+        let text = fieldtap(["explain", &code]).good().stdout;
+        for heading in ["The rule", "The evidence", "Likely causes", "What to do next"] {
+            assert!(text.contains(heading), "{code}: {text}");
+        }
+    }
+}
+
+/// The wiring checks of the TR manual (§1, §3, §4, §5) stand where they are the cure.
+#[test]
+fn the_wiring_checks_of_the_manual_are_named() {
+    let text = fieldtap(["explain", "slin.parity"]).good().stdout;
+    for check in ["120 Ω", "60 Ω", "4.7 kΩ", "7 encoders", "±2 V", "1200 m", "600 m"] {
+        assert!(text.contains(check), "{check}");
+    }
+    assert!(fieldtap(["explain", "slin.duplicate-address"]).good().stdout.contains("Ident"));
+}
