@@ -3,6 +3,7 @@
 use crate::cli::{Decoding, FailOn, Invert};
 use crate::clock::Clock;
 use crate::export::Export;
+use crate::interrupt;
 use crate::pipeline::{Consumer, Pipeline};
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
@@ -16,8 +17,6 @@ use dissectors::station::Stations;
 use dissectors::uart::LineSettings;
 use std::io;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Exit statuses, as scripts rely on them.
 pub const DONE: u8 = 0;
@@ -118,7 +117,7 @@ pub fn decode(
     settings: Settings,
     export: &mut dyn Export,
 ) -> Outcome {
-    let interrupted = catch_interrupts();
+    interrupt::catch(INTERRUPTED);
     let mut pipeline = Pipeline::new(settings);
     let mut desk = Desk {
         export,
@@ -128,7 +127,7 @@ pub fn decode(
         to: decoding.to,
         left: decoding.count.unwrap_or(u64::MAX),
         output: Ok(()),
-        interrupted: &interrupted,
+        is_live: sources.iter().any(|name| name == "-"),
         is_quiet: decoding.quiet,
     };
     let options = source_options(decoding);
@@ -141,7 +140,9 @@ pub fn decode(
             break;
         }
     }
-    let is_interrupted = interrupted.load(Ordering::Relaxed);
+    // What an interruption cuts is not the source's fault.
+    let is_interrupted = interrupt::came();
+    let error = error.filter(|_| !is_interrupted);
     pipeline.finish(&mut desk);
     if desk.output.is_ok() {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
@@ -149,19 +150,6 @@ pub fn decode(
     let Desk { tally, clock, output, .. } = desk;
     let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
     Outcome { tally, pipeline, clock, error, output, is_interrupted, fail_on, is_quiet }
-}
-
-/// Ctrl-C ends a run with its last lines; a second one ends it at once.
-fn catch_interrupts() -> Arc<AtomicBool> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        let second = Arc::clone(&interrupted);
-        let status = i32::from(INTERRUPTED);
-        // Where signals cannot be caught, they end the run without last lines.
-        let _ = signal_hook::flag::register_conditional_shutdown(signal, status, second)
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&interrupted)));
-    }
-    interrupted
 }
 
 /// Selects the records the user asked for, counts them and has them written.
@@ -174,7 +162,8 @@ struct Desk<'a> {
     to: Option<i64>,
     left: u64,
     output: io::Result<()>,
-    interrupted: &'a AtomicBool,
+    /// What is heard comes as it happens, and so it is shown.
+    is_live: bool,
     is_quiet: bool,
 }
 
@@ -198,7 +187,10 @@ impl Consumer for Desk<'_> {
         if self.output.is_ok() {
             self.output = self.export.status();
         }
-        self.output.is_ok() && self.left > 0 && !self.interrupted.load(Ordering::Relaxed)
+        if self.is_live && self.output.is_ok() {
+            self.output = self.export.flush();
+        }
+        self.output.is_ok() && self.left > 0 && !interrupt::came()
     }
 
     fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str) {

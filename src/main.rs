@@ -7,6 +7,7 @@ mod clock;
 mod commands;
 mod decode;
 mod export;
+mod interrupt;
 mod pipeline;
 mod simulate;
 mod source;

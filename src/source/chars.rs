@@ -59,10 +59,11 @@ impl Chars {
         }
     }
 
-    /// Fills the batch up to the next break, error, or the end.
+    /// Fills the batch up to the next break, error, or the end, but does not wait with characters
+    /// in it.
     fn fill(&mut self) {
         self.batch.clear();
-        while self.batch.len() < BATCH {
+        while self.batch.is_empty() || self.batch.len() < BATCH && !self.lines.may_wait() {
             let parsed = match self.lines.next_line() {
                 Ok(None) => return,
                 Ok(Some(line)) => parse(line),

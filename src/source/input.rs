@@ -1,6 +1,7 @@
 //! A file or standard input, with its first bytes looked at.
 
 use super::{Place, SourceError};
+use crate::interrupt::Stdin;
 use std::fs::File;
 use std::io::{self, Read};
 
@@ -28,7 +29,7 @@ impl Input {
     /// It is not there, may not be read, is a directory, or has nothing in it.
     pub fn open(name: &str) -> Result<Input, SourceError> {
         if name == "-" {
-            return Input::of("standard input", io::stdin());
+            return Input::of("standard input", Stdin::new());
         }
         let whole = |cause| SourceError::io(name, Place::Whole, cause);
         let file = File::open(name).map_err(whole)?;

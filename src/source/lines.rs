@@ -47,6 +47,11 @@ impl<R: Read> Lines<R> {
         Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
     }
 
+    /// Whether the next line may have to be waited for.
+    pub fn may_wait(&self) -> bool {
+        self.reader.buffer().is_empty()
+    }
+
     /// Where the last line stands.
     pub fn place(&self) -> Place {
         Place::Line(self.number)

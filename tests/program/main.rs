@@ -3,6 +3,7 @@
 mod captures;
 mod endings;
 mod harness;
+mod live;
 mod real_captures;
 mod selection;
 mod simulate;

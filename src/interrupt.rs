@@ -1,0 +1,60 @@
+//! Ctrl-C: a run ends with its last lines; a second one ends it at once.
+
+use std::io::{self, Read};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// Signals come to the process as a whole.
+static CAME: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// Catches SIGINT and SIGTERM from here on. A second one ends the program with this status.
+pub fn catch(status: u8) {
+    let came = CAME.get_or_init(Arc::default);
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // Where signals cannot be caught, they end the run without last lines.
+        let second = Arc::clone(came);
+        let _ = signal_hook::flag::register_conditional_shutdown(signal, i32::from(status), second)
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(came)));
+    }
+}
+
+/// Whether one came.
+pub fn came() -> bool {
+    CAME.get().is_some_and(|came| came.load(Ordering::Relaxed))
+}
+
+/// Standard input, which ends when the user interrupts, even while nothing comes.
+pub struct Stdin(io::Stdin);
+
+impl Stdin {
+    /// Standard input.
+    pub fn new() -> Self {
+        Stdin(io::stdin())
+    }
+}
+
+#[cfg(unix)]
+impl Read for Stdin {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        use rustix::event::{PollFd, PollFlags, Timespec, poll};
+        // A signal ends the wait at once; the time is for one that comes just before it.
+        let wait = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
+        while !came() {
+            let mut stdin = [PollFd::new(&self.0, PollFlags::IN)];
+            match poll(&mut stdin, Some(&wait)) {
+                Ok(0) | Err(rustix::io::Errno::INTR) => {}
+                // Data, the end, or an error: all of them are for read to tell. Not that of the
+                // standard library, whose buffer would hold back what poll waits for.
+                Ok(_) | Err(_) => return Ok(rustix::io::read(&self.0, buffer)?),
+            }
+        }
+        Ok(0)
+    }
+}
+
+#[cfg(not(unix))]
+impl Read for Stdin {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read(buffer)
+    }
+}
