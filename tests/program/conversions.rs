@@ -1,0 +1,121 @@
+//! Conversions: what one container holds, the next one holds too, as far as it can.
+
+use crate::harness::{Scratch, argument, fieldtap, here};
+use serde_json::Value;
+use std::path::Path;
+
+fn records(path: &Path) -> Vec<Value> {
+    fieldtap(["read", "--format", "json", argument(path)]).good().records()
+}
+
+/// What a record says, apart from times, which containers hold with different resolution.
+fn meaning(record: &Value) -> (Value, Value, Value, Value, Vec<String>) {
+    let slin = &record["slin"];
+    (
+        record["kind"].clone(),
+        record["station"].clone(),
+        record["raw"].clone(),
+        slin["position"].clone(),
+        crate::harness::codes(record),
+    )
+}
+
+fn same_meaning(capture: &str, ending: &str) {
+    let scratch = Scratch::new();
+    let original = here("captures").join(capture);
+    let converted = scratch.path(&format!("converted.{ending}"));
+    fieldtap(["convert", "-q", argument(&original), argument(&converted)]).good();
+    let (before, after) = (records(&original), records(&converted));
+    assert_eq!(before.len(), after.len(), "{capture} as {ending}");
+    for (before, after) in before.iter().zip(&after) {
+        assert_eq!(meaning(before), meaning(after), "{capture} as {ending}");
+    }
+}
+
+#[test]
+fn what_was_said_is_said_again_of_the_conversion() {
+    for capture in [
+        "good/tr.sr",
+        "good/tr.vcd",
+        "good/tr.chars",
+        "good/tr-345594.pcapng",
+        "slin-parity/parity.sr",
+        "slin-glitch/glitch.sr",
+        "uart-break/break.pcapng",
+        "slin-missing-footer/missing-footer.chars",
+    ] {
+        same_meaning(capture, "pcapng");
+        same_meaning(capture, "chars");
+    }
+    same_meaning("uart-lost/lost.pcapng", "pcapng");
+    same_meaning("uart-overrun/overrun.pcapng", "pcapng");
+    same_meaning("uart-framing/framing.sr", "pcapng");
+}
+
+/// A block's stamp is that of its first character; the others follow at the frame's length, off by
+/// the stamp's ± at most.
+#[test]
+fn times_stay_within_their_uncertainty() {
+    let scratch = Scratch::new();
+    for capture in ["good/tr.sr", "good/baumer-9600.pcapng", "good/tr.chars"] {
+        let original = here("captures").join(capture);
+        let converted = scratch.path("converted.pcapng");
+        fieldtap(["convert", "-q", argument(&original), argument(&converted)]).good();
+        let (before, after) = (records(&original), records(&converted));
+        assert_eq!(before.len(), after.len());
+        for (before, after) in before.iter().zip(&after) {
+            let number = |record: &Value, key: &str| record[key].as_i64().expect("a number");
+            let off = (number(before, "time_ns") - number(after, "time_ns")).abs();
+            assert!(off <= number(before, "uncertainty_ns"), "{before} {after}");
+            assert_eq!(before["uncertainty_ns"], after["uncertainty_ns"]);
+            assert_eq!(before["clock"], after["clock"]);
+        }
+    }
+}
+
+#[test]
+fn our_comments_are_replaced_and_those_of_others_kept() {
+    let scratch = Scratch::new();
+    let (once, twice) = (scratch.path("once.pcapng"), scratch.path("twice.pcapng"));
+    let capture = here("captures/slin-checksum/checksum.pcapng");
+    fieldtap(["convert", "-q", argument(&capture), argument(&once)]).good();
+    fieldtap(["convert", "-q", argument(&once), argument(&twice)]).good();
+    let read = |path: &Path| std::fs::read(path).expect("it was written");
+    assert!(read(&once) == read(&twice), "converting again changes nothing");
+}
+
+#[test]
+fn what_a_form_cannot_hold_is_refused_with_a_message() {
+    let scratch = Scratch::new();
+    let bytes = scratch.file("capture.bin", [0x80, 0x1A, 0x01, 0x98]);
+    for ending in ["pcapng", "chars"] {
+        let out = scratch.path(&format!("out.{ending}"));
+        let arguments = ["convert", "--input-format", "bytes", argument(&bytes), argument(&out)];
+        let run = fieldtap(arguments);
+        assert_eq!(run.status, 3, "{}", run.stderr);
+        assert!(run.stderr.contains("no times"), "{}", run.stderr);
+        assert!(!out.exists(), "half a file is no file");
+    }
+    let out = scratch.path("out.csv");
+    fieldtap(["convert", "--input-format", "bytes", argument(&bytes), argument(&out)]).good();
+    assert!(std::fs::read_to_string(out).expect("written").contains("0 answers 154"));
+}
+
+/// The records of several files are those of one stream: state goes on, numbers go on.
+#[test]
+fn several_sources_are_one_stream() {
+    let scratch = Scratch::new();
+    let text = std::fs::read_to_string(here("captures/good/baumer.chars")).expect("it is there");
+    let lines: Vec<&str> = text.lines().collect();
+    let (first, second) = lines[1..].split_at(101);
+    let file = |name: &str, rows: &[&str]| {
+        scratch.file(name, format!("{}\n{}\n", lines[0], rows.join("\n")))
+    };
+    let parts = [file("1.chars", first), file("2.chars", second)];
+    let read = |paths: &[&Path]| {
+        let files = paths.iter().map(|path| argument(path));
+        fieldtap(["read", "--format", "json"].into_iter().chain(files)).good().stdout
+    };
+    let whole = here("captures/good/baumer.chars");
+    assert!(read(&[&parts[0], &parts[1]]) == read(&[&whole]));
+}
