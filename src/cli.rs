@@ -122,7 +122,7 @@ pub struct Decoding {
     pub quiet: bool,
 
     /// Say more: the characters below each telegram.
-    #[arg(short, long, conflicts_with = "quiet")]
+    #[arg(short, long)]
     pub verbose: bool,
 }
 

@@ -48,11 +48,8 @@ impl<W: Write> Text<W> {
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
         if !self.has_header {
             self.has_header = true;
-            writeln!(
-                self.out,
-                "{:>7} {:>14} {:<BUS$} {:<BYTES$}  what",
-                "n", "time", "bus", "bytes"
-            )?;
+            let (n, time, bus, bytes) = ("n", "time", "bus", "bytes");
+            writeln!(self.out, "{n:>5} {time:>12} {bus:<BUS$} {bytes:<BYTES$}   what")?;
         }
         self.compose(record);
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
@@ -72,7 +69,7 @@ impl<W: Write> Text<W> {
         line.clear();
         let delta = self.clock.tick(record.start);
         let time = self.clock.show(record.start, delta).to_string();
-        let _ = write!(line, "{:>7} {time:>14} ", record.n);
+        let _ = write!(line, "{:>5} {time:>12} ", record.n);
         sentence.clear();
         push_clean(sentence, &record.bus.name);
         shorten(sentence, BUS);
@@ -95,12 +92,14 @@ impl<W: Write> Text<W> {
             return;
         }
         let mut separator = "; ";
-        for finding in record.findings {
-            sentence.clear();
-            let _ = finding.say(record, sentence);
-            line.push_str(separator);
-            push_clean(line, sentence);
-            separator = ", ";
+        for severity in [Severity::Error, Severity::Warning, Severity::Info] {
+            for finding in record.findings.iter().filter(|finding| finding.severity() == severity) {
+                sentence.clear();
+                let _ = finding.say(record, sentence);
+                line.push_str(separator);
+                push_clean(line, sentence);
+                separator = ", ";
+            }
         }
     }
 
@@ -125,7 +124,7 @@ impl<W: Write> Text<W> {
             let time = self.clock.relative(character.start).map(|ns| Exact(ns).to_string());
             writeln!(
                 self.out,
-                "{:>22} {:<6} {:<17}  {:02X}  {}  {}",
+                "{:>21} {:<3} {:<17}  {:02X}  {}  {}",
                 time.unwrap_or_default(),
                 "",
                 bits(character, record),

@@ -9,5 +9,6 @@ mod peers;
 mod real_captures;
 mod selection;
 mod simulate;
+mod snapshots;
 mod telegrams;
 mod truth;

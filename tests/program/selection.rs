@@ -60,7 +60,7 @@ fn stations_have_names_and_angles() {
     let slin = &answer["slin"];
     assert_eq!((&slin["turns"], &slin["angle"]), (&1.into(), &73.125.into()));
     assert_eq!(slin["name"], "slide");
-    assert_eq!(answer["summary"], "3 (slide) answers 154 = 1 turn 73.125° after 250 µs");
+    assert_eq!(answer["summary"], "3 (slide) answers 154 = 1 turn 73.125° in 250 µs");
     let absent = fieldtap_fed(["read", "--stations", "/absent.toml", "-"], b"");
     assert!(absent.status == 2 && absent.stderr.contains("/absent.toml"), "{}", absent.stderr);
 }

@@ -1,7 +1,7 @@
 //! Finding codes of SLIN.
 
 use crate::finding::{Code, Cure, Severity, Span, State};
-use crate::uart::name_characters;
+use crate::uart::{Character, name_characters};
 
 /// All of them.
 pub static CODES: [&Code; 18] = [
@@ -84,7 +84,7 @@ pub static CHECKSUM: Code = Code {
     say: |finding, _, out| {
         write!(
             out,
-            "checksum {} received, {} expected",
+            "checksum {}, expected {}",
             finding.actual.unwrap_or_default(),
             finding.expected.unwrap_or_default()
         )
@@ -266,7 +266,7 @@ pub static LATE_RESPONSE: Code = Code {
     say: |finding, _, out| {
         write!(
             out,
-            "answered after {}, at most {} allowed",
+            "late: {}, limit {}",
             Span(finding.actual.unwrap_or_default()),
             Span(finding.limit.unwrap_or_default())
         )
@@ -293,7 +293,7 @@ pub static EARLY_RESPONSE: Code = Code {
     say: |finding, _, out| {
         write!(
             out,
-            "answered after {}, not before {} allowed",
+            "early: {}, not before {}",
             Span(finding.actual.unwrap_or_default()),
             Span(finding.limit.unwrap_or_default())
         )
@@ -457,8 +457,9 @@ pub static GLITCH: Code = Code {
     next: &[BIAS, WIRING],
     cure: Cure { one: "check bias", all: "check bias" },
     say: |finding, record, out| {
-        write!(out, "a short pulse, read as ")?;
-        name_characters(finding, record, out)
+        let first = finding.characters.trailing_zeros() as usize;
+        let read_as = record.characters().get(first).map_or(0xFF, Character::value);
+        write!(out, "a short pulse, read as {read_as:02X}h")
     },
 };
 
@@ -522,6 +523,6 @@ pub static NEVER_ANSWERED: Code = Code {
     cure: Cure { one: "check Ident jumpers and supply", all: "check rate and supply" },
     say: |_, record, out| {
         let station = record.station.unwrap_or_default();
-        write!(out, "nobody has answered as station {station} so far")
+        write!(out, "nobody answered as station {station} yet")
     },
 };

@@ -2,7 +2,7 @@
 
 use super::checksum::Rules;
 use super::codes;
-use super::exchange::{Distance, Exchange};
+use super::exchange::{CAPACITY, Distance, Exchange, Part};
 use super::judge::{Interval, Verdict, expected_checksum, is_noise, is_sound};
 use super::motion::Jump;
 use super::outlet::Outlet;
@@ -29,6 +29,9 @@ pub(super) enum End<'a> {
     /// The capture, or what could be heard of it, ended.
     Cut,
 }
+
+/// The parts of characters that belong to no exchange.
+const NOBODYS: [Part; CAPACITY] = [Part::Stray; CAPACITY];
 
 /// The last exchange that ended with a footer.
 #[derive(Clone, Copy, Debug)]
@@ -330,8 +333,8 @@ impl Ledger {
     fn tell_stray(&mut self, exchange: &Exchange, from: usize, outlet: &mut Outlet<'_, '_>) {
         let characters = from..exchange.characters().len();
         let telegram = Telegram {
-            parts: &exchange.parts()[characters.clone()],
-            characters: &exchange.characters()[characters.clone()],
+            parts: &NOBODYS[..characters.len()],
+            characters: &exchange.characters()[characters],
             ..Telegram::default()
         };
         self.verdict.clear();

@@ -180,7 +180,7 @@ impl Telegram<'_> {
             }
         }
         match self.response_time {
-            Some(ns) => write!(out, " after {}", Span(ns)),
+            Some(ns) => write!(out, " in {}", Span(ns)),
             None => Ok(()),
         }
     }
