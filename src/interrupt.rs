@@ -26,9 +26,8 @@ pub fn came() -> bool {
 /// Standard input, which ends when the user interrupts, even while nothing comes.
 pub struct Stdin(io::Stdin);
 
-impl Stdin {
-    /// Standard input.
-    pub fn new() -> Self {
+impl Default for Stdin {
+    fn default() -> Self {
         Stdin(io::stdin())
     }
 }

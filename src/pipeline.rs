@@ -56,7 +56,11 @@ impl Pipeline {
             match source.next_piece()? {
                 None => break,
                 Some(Piece::Bus(info, facts)) => {
-                    let known = self.buses.iter().position(|bus| *bus.info() == info);
+                    // Two channels of one source may bear the same name.
+                    let is_it = |(index, bus): &(usize, &Bus)| {
+                        *bus.info() == info && !numbers.contains(index)
+                    };
+                    let known = self.buses.iter().enumerate().find(is_it).map(|(index, _)| index);
                     numbers.push(known.unwrap_or(self.buses.len()));
                     if known.is_none() {
                         self.buses.push(Bus::new(info, facts, self.settings.clone()));

@@ -5,6 +5,7 @@ use dissectors::field::{Role, Value};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::record::Record;
 use std::fmt::Write;
+use std::ops::Range;
 
 /// The columns that are written where the user names none.
 const DEFAULT: [&str; 14] = [
@@ -88,9 +89,9 @@ impl Columns {
         self.columns.iter().map(|column| column.name.as_str())
     }
 
-    /// How many.
-    pub fn len(&self) -> usize {
-        self.columns.len()
+    /// Their indexes.
+    pub fn indexes(&self) -> Range<usize> {
+        0..self.columns.len()
     }
 
     /// Takes note of the next record's time.

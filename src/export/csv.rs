@@ -35,7 +35,7 @@ impl<W: Write> Csv<W> {
             self.write_header()?;
         }
         self.columns.begin(record);
-        for column in 0..self.columns.len() {
+        for column in self.columns.indexes() {
             self.cell.clear();
             self.columns.write(column, record, &mut self.cell);
             self.writer.write_field(&self.cell)?;

@@ -29,7 +29,7 @@ impl Input {
     /// It is not there, may not be read, is a directory, or has nothing in it.
     pub fn open(name: &str) -> Result<Input, SourceError> {
         if name == "-" {
-            return Input::of("standard input", Stdin::new());
+            return Input::of("standard input", Stdin::default());
         }
         let whole = |cause| SourceError::io(name, Place::Whole, cause);
         let file = File::open(name).map_err(whole)?;

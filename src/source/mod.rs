@@ -39,6 +39,7 @@ use dissectors::bus::WireFacts;
 use dissectors::event::{Event, Moment};
 use dissectors::record::BusInfo;
 use dissectors::uart::{Baud, Format};
+use std::io::Read;
 
 /// What a source has to say, in the order it was heard.
 pub enum Piece<'a> {
@@ -148,19 +149,25 @@ impl SourceOptions {
 /// # Errors
 /// It cannot be read, or nothing tells what it is.
 pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    let mut input = Input::open(name)?;
+    reader_of(Input::open(name)?, options)
+}
+
+/// Reads a stream that cannot be gone back in, as [`open`] does a file.
+///
+/// # Errors
+/// It cannot be read, or nothing tells what it is.
+pub fn open_stream(
+    stream: impl Read + 'static,
+    options: &SourceOptions,
+) -> Result<Box<dyn Source>, SourceError> {
+    reader_of(Input::of("stream", stream)?, options)
+}
+
+fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
     let format = match options.format {
         Some(format) => format,
         None => recognize::format_of(&mut input)?,
     };
-    reader_of(format, input, options)
-}
-
-fn reader_of(
-    format: InputFormat,
-    input: Input,
-    options: &SourceOptions,
-) -> Result<Box<dyn Source>, SourceError> {
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
         InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options)?)),

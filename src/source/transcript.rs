@@ -8,7 +8,9 @@ use dissectors::record::BusInfo;
 /// Everything that is read from these bytes, a line a piece. An error ends it.
 pub fn transcript(format: InputFormat, bytes: &[u8], options: &SourceOptions) -> Vec<String> {
     let input = Input::of("test", std::io::Cursor::new(bytes.to_vec()));
-    match input.and_then(|input| reader_of(format, input, options)) {
+    match input.and_then(|input| {
+        reader_of(input, &SourceOptions { format: Some(format), ..options.clone() })
+    }) {
         Ok(mut source) => of_source(&mut *source),
         Err(error) => vec![error.to_string()],
     }

@@ -103,7 +103,7 @@ mod tests {
         assert!(text.speaks_for_slin().is_none() && text.verdict(false).is_some());
         let mut requests = Signature::default();
         for address in 0..20 {
-            requests.hear(0x80 | address % 8, false);
+            requests.hear(0x80 | (address % 8), false);
             requests.explain(1);
         }
         assert!(requests.speaks_for_slin() == Some(0) && requests.verdict(false).is_none());

@@ -62,9 +62,8 @@ impl Layer for Plain<'_> {
             };
         };
         write!(out, "{:02X}", character.value())?;
-        match u8::try_from(character.value()) {
-            Ok(byte @ 0x20..=0x7E) => write!(out, " '{}'", char::from(byte))?,
-            _ => {}
+        if let Ok(byte @ 0x20..=0x7E) = u8::try_from(character.value()) {
+            write!(out, " '{}'", char::from(byte))?;
         }
         match character.parity() {
             Parity::Error => write!(out, ", parity error"),

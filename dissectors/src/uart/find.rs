@@ -301,7 +301,7 @@ fn shortest_without_errors(tries: Vec<Option<Try>>) -> Option<Try> {
     let tries: Vec<Try> = tries.into_iter().flatten().collect();
     let fewest = tries.iter().map(Try::error_share).min()?;
     let is_even = |tried: &Try| {
-        let even = |bits: &(u64, u16)| bits.1.count_ones() % 2 == 0;
+        let even = |bits: &(u64, u16)| bits.1.count_ones().is_multiple_of(2);
         tried.bits == 9
             && tried.errors == 0
             && tried.characters.len() >= 3

@@ -10,6 +10,9 @@ pub(super) const RATES: [u32; 20] = [
     14_400, 28_800, 76_800, 460_800, 500_000, 921_600, 250_000, 1_000_000,
 ];
 
+/// Characters that follow each other this slowly, in ns, tell no rate.
+const LONGEST_NS: i64 = 1_000_000_000;
+
 /// The rates of SLIN, which take less evidence than others.
 const SLIN_RATES: [u32; 4] = [115_200, 19_200, 9_600, 345_594];
 
@@ -25,7 +28,7 @@ pub(crate) fn baud_from_spacing(
     let spacings: Vec<i64> = characters
         .windows(2)
         .filter_map(|pair| pair[1].start.since(pair[0].start))
-        .filter(|ns| *ns > 0)
+        .filter(|ns| (1..LONGEST_NS).contains(ns))
         .collect();
     let coarse = characters.iter().map(|character| i64::from(character.uncertainty)).max()?;
     let smallest = spacings.iter().copied().min()?;

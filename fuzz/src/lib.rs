@@ -1,0 +1,156 @@
+//! What the fuzz targets do with their bytes. None of it may panic, hang, or grow without bound.
+
+use dissectors::bus::{Bus, Sampling, WireFacts};
+use dissectors::event::{Break, Clock, Event, Levels, Loss, LossCause, Moment};
+use dissectors::protocol::{PROTOCOLS, Settings};
+use dissectors::record::{BusInfo, Output, Record, Sink};
+use dissectors::slin::{self, ChecksumChoice, Profile};
+use dissectors::uart::{Baud, Character, Format, Parity};
+use fieldtap::pipeline::{Consumer, Pipeline};
+use fieldtap::source::{self, InputFormat, SourceError, SourceOptions};
+use std::io::Cursor;
+
+/// Says everything there is to say of each record, and checks what holds for all of them.
+#[derive(Default)]
+pub struct Listener {
+    text: String,
+    last_number: u64,
+    events: u64,
+}
+
+impl Sink for Listener {
+    fn record(&mut self, record: &Record<'_>) {
+        assert_eq!(record.n, self.last_number + 1, "numbers are given in order");
+        self.last_number = record.n;
+        self.text.clear();
+        record.summarize(&mut self.text).expect("a String takes any text");
+        assert!(!self.text.is_empty());
+        for finding in record.findings {
+            self.text.clear();
+            finding.say(record, &mut self.text).expect("a String takes any text");
+            assert!(self.text.len() >= 8);
+            let same = record.findings.iter().filter(|other| other.code == finding.code).count();
+            assert_eq!(same, 1, "a code stands once in a record");
+        }
+        assert!(record.protocol.kinds.contains(&record.kind));
+        for field in 0..record.protocol.fields.len() {
+            let _ = record.get(field);
+        }
+    }
+}
+
+impl Consumer for Listener {
+    fn goes_on(&mut self) -> bool {
+        self.events += 1;
+        self.events < 1 << 20
+    }
+
+    fn comment(&mut self, _: &BusInfo, _: Moment, _: &str) {}
+
+    fn end(&mut self, _: &BusInfo, _: Moment) {}
+
+    fn warn(&mut self, _: &SourceError) {}
+}
+
+/// Reads bytes as a capture of this format, and decodes it.
+pub fn capture(format: InputFormat, bytes: &[u8]) {
+    let options = SourceOptions {
+        format: Some(format),
+        samplerate: Some(4_000_000),
+        unitsize: 1,
+        ..SourceOptions::default()
+    };
+    let (mut pipeline, mut listener) = (Pipeline::new(Settings::default()), Listener::default());
+    if let Ok(mut source) = source::open_stream(Cursor::new(bytes.to_vec()), &options) {
+        // What cannot be read any further was read up to there.
+        let _ = pipeline.pass(&mut *source, &mut listener);
+    }
+    pipeline.finish(&mut listener);
+}
+
+/// Settings out of a few bits.
+fn settings(choice: u8) -> Settings {
+    let protocol = match choice & 3 {
+        0 => None,
+        other => PROTOCOLS.get(usize::from(other) - 1).copied(),
+    };
+    let profile = Profile::NAMES[usize::from(choice >> 2 & 3)].1;
+    let mut settings = Settings {
+        protocol,
+        slin: slin::Settings { profile, checksum: ChecksumChoice::OfProfile },
+        ..Settings::default()
+    };
+    if choice & 0x10 != 0 {
+        settings.line.baud = Baud::new(115_200);
+    }
+    if choice & 0x20 != 0 {
+        settings.line.format = Some(Format::FT12);
+    }
+    settings
+}
+
+/// Characters, breaks, losses and silences: four bytes each, a byte, what happened, and how much
+/// later.
+pub fn characters(bytes: &[u8]) {
+    let [choice, events @ ..] = bytes else { return };
+    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Log) };
+    let mut bus = Bus::new(info, WireFacts::default(), settings(*choice));
+    let (mut listener, mut number, mut now) = (Listener::default(), 0, 0_i64);
+    for event in events.chunks_exact(4) {
+        // From backwards to seconds, finer near a character's duration.
+        let step = i64::from(i16::from_le_bytes([event[2], event[3]]));
+        now = now.saturating_add(if event[1] & 0x80 == 0 { step * 10_000 } else { step * 100 });
+        let start = if event[1] & 0x40 == 0 { Moment::from_ns(now) } else { Moment::UNKNOWN };
+        let parity = match event[1] & 7 {
+            0..=2 => Parity::Ok,
+            3 => Parity::Error,
+            4 => Parity::Suspect,
+            5 => Parity::Unknown,
+            _ => Parity::None,
+        };
+        let character =
+            Character::new(start, u32::from(event[1] >> 3) * 50, event[0].into(), parity);
+        let one = [if event[1] & 0x20 == 0 { character } else { character.with_framing_error() }];
+        let mut out = Output::new(&mut number, &mut listener);
+        bus.hear(
+            match event[1] {
+                0xFF => Event::Break(Break { start, uncertainty: 1, duration: Some(1_000_000) }),
+                0xFE => Event::Lost(Loss { start, count: None, cause: LossCause::Capture }),
+                0xFD => Event::Advance(start),
+                _ => Event::Characters(&one),
+            },
+            &mut out,
+        );
+    }
+    bus.finish(Moment::from_ns(now), &mut Output::new(&mut number, &mut listener));
+}
+
+/// Line levels: two bytes a pulse, its length in ticks.
+pub fn levels(bytes: &[u8]) {
+    let [choice, rate, pulses @ ..] = bytes else { return };
+    let sampling = Sampling {
+        ticks_per_second: 1 << (rate % 40),
+        uncertainty: 250,
+        origin: Moment::from_ns(0),
+    };
+    let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
+    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Sample) };
+    let mut bus = Bus::new(info, facts, settings(*choice));
+    let (mut listener, mut number, mut from, mut level) = (Listener::default(), 0, 0, true);
+    for block in pulses.chunks(64) {
+        let mut tick = from;
+        let edges: Vec<u64> = block
+            .chunks_exact(2)
+            .map(|pulse| {
+                tick += 1 + u64::from(u16::from_le_bytes([pulse[0], pulse[1]]));
+                tick
+            })
+            .collect();
+        let until = tick + 1;
+        let levels = Levels { edges: &edges, level, from, until };
+        bus.hear(Event::Levels(levels), &mut Output::new(&mut number, &mut listener));
+        level ^= edges.len() % 2 == 1;
+        from = until;
+    }
+    bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut listener));
+}

@@ -1,0 +1,19 @@
+//! fieldtap: protocol analyzer and passive bus sniffer for encoder field buses.
+//!
+//! This is the program as a library, for its own benchmarks and fuzz targets. What others build on
+//! is the crate `fieldtap-dissectors`.
+
+#![forbid(unsafe_code)]
+
+pub mod cli;
+pub mod clock;
+pub mod commands;
+pub mod decode;
+pub mod export;
+pub mod interrupt;
+pub mod pipeline;
+mod simulate;
+pub mod source;
+pub mod stations;
+pub mod tally;
+pub mod verdict;

@@ -1,0 +1,65 @@
+//! What the fuzz targets ever tripped over, what they begin with, and the sample captures: none of
+//! it may panic. Stable Rust is enough for this.
+
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz;
+
+use fieldtap::source::InputFormat;
+use std::path::Path;
+
+/// Runs what is in the corpus of a target, and returns how much that is.
+fn run(target: &str, with: impl Fn(&[u8])) -> usize {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
+    let mut count = 0;
+    for entry in std::fs::read_dir(&folder).unwrap_or_else(|_| panic!("{}", folder.display())) {
+        let path = entry.expect("an entry").path();
+        println!("{}", path.display());
+        with(&std::fs::read(path).expect("it can be read"));
+        count += 1;
+    }
+    count
+}
+
+/// Every prefix of a short capture, and every capture with a byte changed here and there.
+fn battered(format: InputFormat, bytes: &[u8]) {
+    fuzz::capture(format, bytes);
+    for end in (0..bytes.len().min(600)).step_by(7) {
+        fuzz::capture(format, &bytes[..end]);
+    }
+    let mut changed = bytes.to_vec();
+    for at in (0..bytes.len().min(2_000)).step_by(31) {
+        changed[at] ^= 0xFF;
+        fuzz::capture(format, &changed);
+        changed[at] ^= 0x81;
+    }
+}
+
+#[test]
+fn nothing_saved_trips_a_target() {
+    use InputFormat::{
+        Bytes, Chars, Logic, Parmrk, Pcap, Pcapng, SaleaeBin, SaleaeCsv, SaleaeTable, Sr, Uart9,
+        Vcd,
+    };
+    for (target, format) in [
+        ("bytes", Bytes),
+        ("chars", Chars),
+        ("logic", Logic),
+        ("parmrk", Parmrk),
+        ("pcap", Pcap),
+        ("saleae_bin", SaleaeBin),
+        ("saleae_csv", SaleaeCsv),
+        ("saleae_table", SaleaeTable),
+        ("uart9", Uart9),
+        ("vcd", Vcd),
+    ] {
+        assert!(run(target, |bytes| battered(format, bytes)) > 0, "{target}");
+    }
+    let captures = Path::new(env!("CARGO_MANIFEST_DIR")).join("captures/good");
+    for (name, format) in
+        [("tr-115200.pcapng", Pcapng), ("tr.sr", Sr), ("tr.vcd", Vcd), ("tr.chars", Chars)]
+    {
+        battered(format, &std::fs::read(captures.join(name)).expect("it is there"));
+    }
+    assert!(run("characters", fuzz::characters) > 0);
+    assert!(run("levels", fuzz::levels) > 0);
+}
