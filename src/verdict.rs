@@ -7,6 +7,7 @@ use crate::tally::{FindingTally, StationTally, Tally};
 use dissectors::bus::{Bus, LineCounts};
 use dissectors::finding::{Severity, Span};
 use dissectors::protocol::Conclusion;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 
@@ -56,7 +57,11 @@ fn line_of(bus: &Bus) -> String {
     let wire = bus.wire();
     let state = match counts {
         LineCounts { characters: 0, breaks: 0, .. } => return "silent: no characters".to_owned(),
-        LineCounts { characters, damaged, .. } if damaged * 100 > characters => "bad",
+        LineCounts { characters, damaged, glitches, .. }
+            if damaged * 100 > characters || glitches > characters =>
+        {
+            "bad"
+        }
         _ => "ok",
     };
     let rate = match wire.baud() {
@@ -132,7 +137,7 @@ fn who_of(stations: &[&StationTally]) -> String {
 fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
     let mut bad: Vec<&FindingTally> =
         tally.findings.iter().filter(|finding| finding.code.severity > Severity::Info).collect();
-    bad.sort_by_key(|finding| std::cmp::Reverse((finding.code.severity, finding.count)));
+    bad.sort_by_key(|finding| Reverse((finding.is_of_bus, finding.code.severity, finding.count)));
     let Some(worst) = bad.first() else {
         let infos = tally.count(Severity::Info);
         let infos = if infos > 0 { format!(", {infos} notes") } else { String::new() };

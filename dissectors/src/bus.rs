@@ -138,6 +138,7 @@ impl Bus {
         match (line, event) {
             (Some(line), Event::Levels(levels)) => {
                 line.hear(&levels, &mut |wire, event| decoder.hear(wire, event, out));
+                line.take_doubt().into_iter().for_each(|finding| decoder.note(finding));
             }
             (Some(line), Event::Lost(loss)) => {
                 line.end(&mut |wire, event| decoder.hear(wire, event, out));
@@ -155,6 +156,7 @@ impl Bus {
         let Bus { line, decoder, given } = self;
         if let Some(line) = line {
             line.end(&mut |wire, event| decoder.hear(wire, event, out));
+            line.take_doubt().into_iter().for_each(|finding| decoder.note(finding));
         }
         let wire = line.as_ref().and_then(Line::wire).unwrap_or(*given);
         decoder.finish(wire, end, out);

@@ -23,6 +23,8 @@ pub(crate) struct Decoder {
     counts: LineCounts,
     stage: Stage,
     conclusions: Vec<Conclusion>,
+    /// Findings about the bus, for a dissector that is not there yet.
+    notes: Vec<Finding>,
 }
 
 enum Stage {
@@ -48,6 +50,15 @@ impl Decoder {
             counts: LineCounts::default(),
             stage: Stage::Finding { held: Vec::new(), since: Moment::UNKNOWN },
             conclusions: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Takes a finding about the bus as a whole, to be told at the end.
+    pub fn note(&mut self, finding: Finding) {
+        match &mut self.stage {
+            Stage::Decoding { dissector, .. } => dissector.note(finding),
+            Stage::Finding { .. } => self.notes.push(finding),
         }
     }
 
@@ -176,7 +187,7 @@ impl Decoder {
         let wire = self.find_rate(wire, &characters);
         let (protocol, note) = self.find_protocol(&characters, wire);
         let mut dissector = (protocol.dissector)(wire, &self.settings);
-        if let Some(finding) = note {
+        for finding in self.notes.drain(..).chain(note) {
             dissector.note(finding);
         }
         self.stage = Stage::Decoding { wire, protocol, dissector };

@@ -8,6 +8,7 @@ mod live;
 mod peers;
 mod real_captures;
 mod selection;
+mod set_ups;
 mod simulate;
 mod snapshots;
 mod telegrams;

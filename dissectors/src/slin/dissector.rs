@@ -10,7 +10,7 @@ use crate::event::{Event, Moment};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Dissector, Settings};
 use crate::record::{BusInfo, Output};
-use crate::uart::{self, Character, ParityRule, Setup, Wire};
+use crate::uart::{Character, Setup, Wire};
 use alloc::vec::Vec;
 
 /// Silence of so many response limits is no response.
@@ -41,17 +41,15 @@ impl Slin {
     /// A bus that nothing was heard of.
     #[must_use]
     pub fn new(wire: Wire, settings: &Settings) -> Self {
-        let has_parity = wire.format().parity() == ParityRule::Even;
-        let wrong_parity = (!has_parity).then(|| Finding::new(&uart::WRONG_PARITY));
         Slin {
             open: Exchange::empty(),
             ledger: Ledger::new(wire, settings),
-            setup: Setup::default(),
+            setup: Setup::with_even_parity(wire.format()),
             is_beginning: true,
             last: None,
             before: None,
             patience: PATIENCE * Window::BAUMER.latest,
-            pending: wrong_parity.into_iter().collect(),
+            pending: Vec::new(),
             at_end: Vec::new(),
         }
     }
@@ -265,7 +263,9 @@ impl Dissector for Slin {
     }
 
     fn note(&mut self, finding: Finding) {
-        self.at_end.push(finding);
+        if self.setup.is_news(&finding) {
+            self.at_end.push(finding);
+        }
     }
 }
 

@@ -8,6 +8,9 @@ use core::fmt;
 pub static CODES: [&Code; 7] =
     [&FRAMING, &BREAK, &OVERRUN, &LOST, &SWAPPED_LINES, &WRONG_RATE, &WRONG_PARITY];
 
+/// Those that tell of a wrong set-up, which explains everything else that is found.
+pub static SETUP_CODES: [&Code; 3] = [&SWAPPED_LINES, &WRONG_RATE, &WRONG_PARITY];
+
 /// A stop bit was not there.
 pub static FRAMING: Code = Code {
     name: "uart.framing",
@@ -123,8 +126,8 @@ pub static SWAPPED_LINES: Code = Code {
         "if that makes it worse, measure the idle voltage: it must be above 200 mV",
     ],
     cure: Cure {
-        one: "swap A and B at the tap, or --invert yes",
-        all: "swap A and B at the tap, or --invert yes",
+        one: "swap A and B at the tap, or let --invert auto see",
+        all: "swap A and B at the tap, or let --invert auto see",
     },
     say: |finding, _, out| {
         write!(
@@ -153,13 +156,16 @@ pub static WRONG_RATE: Code = Code {
         "read the rate from the encoders' type plates and from the master's configuration",
     ],
     cure: Cure { one: "--baud auto", all: "--baud auto" },
-    say: |finding, _, out| {
-        write!(
+    say: |finding, record, out| match (finding.expected, record.wire.baud()) {
+        (Some(found), Some(set)) => {
+            write!(out, "read at {set} Bd, but the pulses are those of {found} Bd")
+        }
+        _ => write!(
             out,
             "{} of the first {} characters have a missing stop bit or wrong parity: probably another rate",
             finding.actual.unwrap_or_default(),
             finding.limit.unwrap_or_default()
-        )
+        ),
     },
 };
 

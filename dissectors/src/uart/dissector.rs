@@ -139,7 +139,9 @@ impl Dissector for Uart {
     }
 
     fn note(&mut self, finding: Finding) {
-        self.at_end.push(finding);
+        if self.setup.is_news(&finding) {
+            self.at_end.push(finding);
+        }
     }
 
     fn conclusions(&self) -> Vec<Conclusion> {

@@ -137,7 +137,7 @@ fn candidate_rates(edges: &Edges, ticks_per_second: u64, given: LineSettings) ->
 
 /// Whether most pulses that can be inside characters are whole multiples of a bit. Pulses shorter
 /// than half a bit are glitches, if there are few of them.
-fn fits(ticks: &[u64], bit: f64) -> bool {
+pub(super) fn fits(ticks: &[u64], bit: f64) -> bool {
     // Below two samples a bit nothing can be told.
     if bit < 2.0 {
         return false;

@@ -1,11 +1,13 @@
 //! A serial line: finds out how it is set up, then receives its characters.
 
+use super::doubt::doubt;
 use super::find::find;
 use super::receiver::{Edges, Receiver};
 use super::sampler::Sampler;
 use super::{Baud, Format, LineSettings, Wire};
 use crate::bus::Sampling;
 use crate::event::{Event, Levels};
+use crate::finding::Finding;
 use crate::protocol::Conclusion;
 use alloc::{string::String, string::ToString, vec::Vec};
 
@@ -27,6 +29,9 @@ pub struct Line {
     stage: Stage,
     conclusions: Vec<Conclusion>,
     is_inverted: bool,
+    /// The first edges, kept to see whether they bear out what was given.
+    to_check: Option<Edges>,
+    doubt: Option<Finding>,
 }
 
 #[derive(Debug)]
@@ -45,6 +50,8 @@ impl Line {
             stage: Stage::Finding(Edges::default()),
             conclusions: Vec::new(),
             is_inverted: given.inverted.unwrap_or(false),
+            to_check: (given != LineSettings::default()).then(Edges::default),
+            doubt: None,
         };
         if let LineSettings { baud: Some(baud), format: Some(format), inverted: Some(_) } = given {
             line.receive_as(baud, format);
@@ -82,21 +89,48 @@ impl Line {
         &self.conclusions
     }
 
+    /// What is wrong with the settings that were given, once it is seen. It is handed out once.
+    pub fn take_doubt(&mut self) -> Option<Finding> {
+        self.doubt.take()
+    }
+
     /// Takes the next piece of line.
     pub fn hear(&mut self, levels: &Levels<'_>, emit: &mut impl FnMut(Wire, Event<'_>)) {
+        if let Some(first) = &mut self.to_check {
+            first.add(levels);
+        }
         match &mut self.stage {
             Stage::Receiving { receiver, wire } => {
                 receiver.hear(levels, &mut |event| emit(*wire, event));
             }
-            Stage::Finding(held) => {
-                held.add(levels);
-                let first = held.ticks.first().copied().unwrap_or(held.until);
-                let time = held.until.saturating_sub(first) / self.sampling.ticks_per_second.max(1);
-                if held.ticks.len() >= HELD_EDGES || time >= HELD_SECONDS {
-                    self.find_out(false, emit);
-                }
-            }
+            Stage::Finding(held) => held.add(levels),
         }
+        if let Stage::Finding(held) = &self.stage
+            && self.is_enough(held)
+        {
+            self.find_out(false, emit);
+        }
+        if self.to_check.as_ref().is_some_and(|first| self.is_enough(first)) {
+            self.check();
+        }
+    }
+
+    /// Whether these are enough edges to find something out, or have taken long enough.
+    fn is_enough(&self, edges: &Edges) -> bool {
+        let first = edges.ticks.first().copied().unwrap_or(edges.until);
+        let time = edges.until.saturating_sub(first) / self.sampling.ticks_per_second.max(1);
+        edges.ticks.len() >= HELD_EDGES || time >= HELD_SECONDS
+    }
+
+    /// Holds the settings against what the line says itself.
+    fn check(&mut self) {
+        let (Some(wire), Some(edges)) = (self.wire(), self.to_check.take()) else { return };
+        let used = LineSettings {
+            baud: wire.baud(),
+            format: Some(wire.format()),
+            inverted: Some(self.is_inverted),
+        };
+        self.doubt = doubt(&edges, self.sampling.ticks_per_second, self.given, used);
     }
 
     /// The line is not heard any further, or not for a while.
@@ -107,6 +141,7 @@ impl Line {
             }
             self.find_out(true, emit);
         }
+        self.check();
         if let Stage::Receiving { receiver, wire } = &mut self.stage {
             receiver.end(&mut |event| emit(*wire, event));
         }

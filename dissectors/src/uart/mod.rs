@@ -4,6 +4,7 @@
 mod character;
 mod codes;
 mod dissector;
+mod doubt;
 mod find;
 mod format;
 mod line;
@@ -14,7 +15,9 @@ mod settle;
 mod setup;
 
 pub use character::{Character, Parity};
-pub use codes::{BREAK, CODES, FRAMING, LOST, OVERRUN, SWAPPED_LINES, WRONG_PARITY, WRONG_RATE};
+pub use codes::{
+    BREAK, CODES, FRAMING, LOST, OVERRUN, SETUP_CODES, SWAPPED_LINES, WRONG_PARITY, WRONG_RATE,
+};
 pub use dissector::PROTOCOL;
 pub use format::{Baud, Format, FormatError, ParityRule, Wire};
 pub use line::Line;

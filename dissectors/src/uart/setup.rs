@@ -1,7 +1,7 @@
 //! What a wrong set-up of the tap looks like: swapped lines, another rate, another parity.
 
 use super::codes;
-use super::{Character, Parity};
+use super::{Character, Format, Parity, ParityRule};
 use crate::event::Break;
 use crate::finding::Finding;
 
@@ -18,6 +18,8 @@ const BREAK_WEIGHT: u64 = 16;
 /// Looks at the first characters of a bus and tells once what is wrong with the set-up.
 #[derive(Clone, Default, Debug)]
 pub struct Setup {
+    /// Characters are expected to have even parity, and have not.
+    is_other_format: bool,
     is_judged: bool,
     is_told: bool,
     heard: u32,
@@ -36,6 +38,21 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// For a protocol with even parity, on a line of this format.
+    #[must_use]
+    pub fn with_even_parity(format: Format) -> Self {
+        Setup { is_other_format: format.parity() != ParityRule::Even, ..Setup::default() }
+    }
+
+    /// Whether a finding about the bus, made by other means, is worth telling. Of the causes that
+    /// a wrong set-up has, the first that is told explains the rest.
+    pub fn is_news(&mut self, finding: &Finding) -> bool {
+        let is_cause = codes::SETUP_CODES.contains(&finding.code);
+        let is_news = !(is_cause && self.is_told);
+        (self.is_judged, self.is_told) = (self.is_judged || is_cause, self.is_told || is_cause);
+        is_news
+    }
+
     /// Takes a character. Returns a finding if this was the last one it took to be sure.
     #[inline]
     pub fn hear(&mut self, character: &Character) -> Option<Finding> {
@@ -79,7 +96,13 @@ impl Setup {
 
     /// Nothing more will come.
     pub fn finish(&mut self) -> Option<Finding> {
-        if self.is_judged || self.heard < ENOUGH { None } else { self.judge() }
+        if self.is_judged {
+            None
+        } else if self.heard >= ENOUGH {
+            self.judge()
+        } else {
+            self.judge_format()
+        }
     }
 
     fn judge(&mut self) -> Option<Finding> {
@@ -103,10 +126,16 @@ impl Setup {
         } else if other_rate {
             (&codes::WRONG_RATE, self.damaged)
         } else {
-            return None;
+            return self.judge_format();
         };
         self.is_told = true;
         Some(Finding::new(code).actual(i64::from(count)).limit(i64::from(self.heard)))
+    }
+
+    fn judge_format(&mut self) -> Option<Finding> {
+        self.is_judged = true;
+        self.is_told = self.is_other_format && self.heard > 0;
+        self.is_told.then(|| Finding::new(&codes::WRONG_PARITY))
     }
 
     /// Whether something was wrong.
