@@ -41,7 +41,8 @@ pub struct Outcome {
     output: io::Result<()>,
     is_interrupted: bool,
     fail_on: Option<FailOn>,
-    is_quiet: bool,
+    /// Nothing but errors is said on standard error.
+    pub is_quiet: bool,
 }
 
 impl Outcome {

@@ -3,7 +3,7 @@
 use dissectors::event::Moment;
 use dissectors::field::{Role, Value};
 use dissectors::finding::{Code, Severity, State};
-use dissectors::record::{Heard, Record, Sink, Turn};
+use dissectors::record::{Record, Sink, Turn};
 use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
 
@@ -65,8 +65,6 @@ pub struct FindingTally {
     pub bus: String,
     /// The station it concerns.
     pub station: Option<u16>,
-    /// It is about the bus as a whole, and may explain all the others.
-    pub is_of_bus: bool,
     /// How often, ends of states not counted.
     pub count: u64,
     /// When.
@@ -159,7 +157,6 @@ impl Tally {
                     code: finding.code,
                     bus: record.bus.name.clone(),
                     station: record.station,
-                    is_of_bus: is_of_bus(record),
                     count: 0,
                     period: Period::NEVER,
                 });
@@ -184,11 +181,6 @@ impl Sink for Tally {
         }
         self.add_findings(record);
     }
-}
-
-/// Whether a record is a conclusion about the bus, and not about a station or a telegram.
-fn is_of_bus(record: &Record<'_>) -> bool {
-    matches!(record.heard, Heard::Nothing) && record.station.is_none() && record.about.is_none()
 }
 
 fn histogram() -> Histogram<u64> {

@@ -137,14 +137,17 @@ fn who_of(stations: &[&StationTally]) -> String {
 fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
     let mut bad: Vec<&FindingTally> =
         tally.findings.iter().filter(|finding| finding.code.severity > Severity::Info).collect();
-    bad.sort_by_key(|finding| Reverse((finding.is_of_bus, finding.code.severity, finding.count)));
+    let weight = |finding: &&FindingTally| {
+        Reverse((finding.code.is_cause, finding.code.severity, finding.count))
+    };
+    bad.sort_by_key(weight);
     let Some(worst) = bad.first() else {
         let infos = tally.count(Severity::Info);
-        let infos = if infos > 0 { format!(", {infos} notes") } else { String::new() };
+        let infos = if infos > 0 { format!(", {}", counted(infos, "note")) } else { String::new() };
         return format!("nothing found in {} records{infos}; {}", tally.records, judged(tally));
     };
-    // The same code at every station that was heard is a matter of the bus.
-    let hit = bad.iter().filter(|finding| finding.code == worst.code).count();
+    let alike = || bad.iter().filter(|finding| finding.code == worst.code);
+    let hit = alike().count();
     let heard = tally.stations.iter().filter(|station| station.answers > 0).count();
     let bus = if several { format!("{} ", worst.bus) } else { String::new() };
     let what = worst.code.name.rsplit('.').next().unwrap_or(worst.code.name);
@@ -157,13 +160,17 @@ fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
         (Some(_), 0, _) if heard > 1 => text.push_str(", others clean"),
         (_, 0, _) => {}
         (Some(_), more, 2..) => {
-            let _ = write!(text, ", {} more stations too, {more} more kinds in all", hit - 1);
+            let stations = counted(hit as u64 - 1, "more station");
+            let kinds = counted(more as u64, "more kind");
+            let _ = write!(text, ", {stations} too, {kinds} in all");
         }
         (_, more, _) => {
-            let _ = write!(text, ", {more} more kind{}", if more == 1 { "" } else { "s" });
+            let _ = write!(text, ", {}", counted(more as u64, "more kind"));
         }
     }
-    let is_one = hit == 1 && heard > 1;
+    // What nearly always hits the same station is a matter of that station, else of the bus.
+    let all: u64 = alike().map(|finding| finding.count).sum();
+    let is_one = heard > 1 && worst.count * 10 >= all * 9;
     match worst.station.filter(|_| is_one) {
         Some(station) => {
             let _ = write!(text, " -> {} of {station}", worst.code.cure.one);
@@ -173,6 +180,10 @@ fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
         }
     }
     text
+}
+
+fn counted(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 fn judged(tally: &Tally) -> String {
@@ -197,7 +208,7 @@ fn open(tally: &Tally, buses: &[Bus]) -> String {
     // The window follows bit 3: to say that one is open says it of the other.
     let undecided = |learned: &Learned| learned.value.is_none() && learned.subject != "window";
     for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
-        open.push(learned.to_string());
+        open.push(learned.question());
     }
     if open.is_empty() { "nothing".to_owned() } else { open.join("; ") }
 }
@@ -227,6 +238,15 @@ impl Learned {
             }
         }
         all
+    }
+
+    /// What was asked and answered, without the evidence.
+    fn question(&self) -> String {
+        let value = self.value.as_deref().unwrap_or("undecided");
+        let stations = self.evidence.iter().filter_map(|(station, _)| *station);
+        let stations: Vec<String> = stations.map(|station| station.to_string()).collect();
+        let whose = if stations.is_empty() { "" } else { " for " };
+        format!("{} {value}{whose}{}", self.subject, stations.join(" "))
     }
 }
 

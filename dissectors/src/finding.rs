@@ -33,6 +33,8 @@ pub struct Code {
     pub name: &'static str,
     /// Its severity. The end of a state is [`Severity::Info`] under the same code.
     pub severity: Severity,
+    /// It names a cause, which explains other findings, rather than what was seen.
+    pub is_cause: bool,
     /// What it means, in one sentence.
     pub meaning: &'static str,
     /// The rule that was broken, and where it is written.

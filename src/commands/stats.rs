@@ -11,7 +11,7 @@ use dissectors::finding::Span;
 use dissectors::record::{Record, Sink};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 /// What to sum up, and how.
@@ -141,6 +141,10 @@ fn text(outcome: &Outcome) -> String {
     text.push('\n');
     for (name, count) in &tally.withheld {
         let _ = writeln!(text, "withheld {name}: {count} x");
+    }
+    // On a terminal, standard error says the rest right below.
+    if !outcome.is_quiet && io::stdout().is_terminal() && io::stderr().is_terminal() {
+        return text;
     }
     for bus in outcome.pipeline.buses() {
         for learned in Learned::of(bus) {

@@ -35,6 +35,7 @@ const IDENT: &str = "check the Ident jumpers in the connectors: Ident 0, 1, 2 co
 pub static PARITY: Code = Code {
     name: "slin.parity",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "A character's parity bit does not fit its data bits: an odd number of its bits is wrong.",
     rule: "Even parity on every character (TR SLIN §6; Baumer SLIN §3.1 \"data backup by parity and checksum\", §3.2).",
     evidence: "The parity bit of the line, or the receiver's parity flag, for the characters named. Characters of an adapter that marks whole packets are `suspect` and not counted. Two wrong bits in one character are not seen.",
@@ -63,6 +64,7 @@ pub static PARITY: Code = Code {
 pub static CHECKSUM: Code = Code {
     name: "slin.checksum",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "The checksum in the footer does not fit the data words.",
     rule: "Bits 4 to 6 of the footer are bits 4 to 6 of the sum of the data words: ADD (Baumer SLIN §3.3), ADDC over four words (TR SLIN §7).",
     evidence: "The words as received, under the rule of the profile or every rule that the evidence has not ruled out. The rules differ for about 1 position in 100, and then by one: while undecided, what any of them explains is no error.",
@@ -95,6 +97,7 @@ pub static CHECKSUM: Code = Code {
 pub static ADDRESS_MISMATCH: Code = Code {
     name: "slin.address-mismatch",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "The footer names another station than the request.",
     rule: "The encoder that is asked ends its answer with its own address (Baumer SLIN §3.2, TR SLIN §6).",
     evidence: "Request and footer as received. Where the named station was asked before and was silent, it is slin.late-answer instead.",
@@ -124,6 +127,7 @@ pub static ADDRESS_MISMATCH: Code = Code {
 pub static NO_RESPONSE: Code = Code {
     name: "slin.no-response",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "A station that answered before did not answer this request.",
     rule: "The encoder answers within 1 ms (Baumer SLIN §3.2), after 0.1 to 0.4 ms (TR SLIN §6).",
     evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). From the third in a row it is a state: told when it begins and when it ends.",
@@ -162,6 +166,7 @@ pub static NO_RESPONSE: Code = Code {
 pub static MISSING_FOOTER: Code = Code {
     name: "slin.missing-footer",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "An answer has data words but no footer: it was torn, and its position is not known.",
     rule: "The footer ends every answer (Baumer SLIN §3.2, TR SLIN §6).",
     evidence: "Silence, or the next request, came before a footer. With bit 3 low a footer and a request look alike: a control word followed by a data word is a request.",
@@ -185,6 +190,7 @@ pub static MISSING_FOOTER: Code = Code {
 pub static TOO_MANY_WORDS: Code = Code {
     name: "slin.too-many-words",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "An answer has more than four data words: it has no position.",
     rule: "At most four data bytes (Baumer SLIN §3.2); the checksum of TR SLIN §7 knows four.",
     evidence: "The data words between the request and the footer.",
@@ -213,6 +219,7 @@ pub static TOO_MANY_WORDS: Code = Code {
 pub static DUPLICATE_ADDRESS: Code = Code {
     name: "slin.duplicate-address",
     severity: Severity::Error,
+    is_cause: true,
     meaning: "Two encoders seem to answer to the same address.",
     rule: "Every encoder has an address of its own (TR SLIN §5).",
     evidence: "The address gave two footers to one request, and not for the first time; or at least 5 of its last 10 answers have two or more damaged characters while no other address has any such answer.",
@@ -249,6 +256,7 @@ pub static DUPLICATE_ADDRESS: Code = Code {
 pub static LATE_RESPONSE: Code = Code {
     name: "slin.late-response",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "The answer began later than the maker allows.",
     rule: "Within 1 ms (Baumer SLIN §3.2), after 0.1 to 0.4 ms (TR SLIN §6), counted here from the end of the request's stop bit to the first start bit of the answer.",
     evidence: "Both stamps. Told where the limit is passed by more than their uncertainty, 1 % of a character and one bit; withheld where the limit lies within the uncertainty.",
@@ -277,6 +285,7 @@ pub static LATE_RESPONSE: Code = Code {
 pub static EARLY_RESPONSE: Code = Code {
     name: "slin.early-response",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "The answer began earlier than the maker promises: the master may still be driving the line.",
     rule: "Not before 0.1 ms (TR SLIN §6). Baumer gives no lower limit.",
     evidence: "Both stamps. Told where the limit is missed by more than their uncertainty, 1 % of a character and one bit; withheld where it lies within the uncertainty, and wherever one bit is longer than the limit.",
@@ -304,6 +313,7 @@ pub static EARLY_RESPONSE: Code = Code {
 pub static RESERVED_BITS: Code = Code {
     name: "slin.reserved-bits",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "Bits 4 to 6 of the request are reserved and should be low.",
     rule: "\"3 reserved bits (low)\" (Baumer SLIN §3.2, TR SLIN §6).",
     evidence: "The request as received.",
@@ -326,6 +336,7 @@ pub static RESERVED_BITS: Code = Code {
 pub static STRAY_DATA: Code = Code {
     name: "slin.stray-data",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "Characters came that nobody asked for.",
     rule: "Every bus activity of an encoder is started by a control word of the master (Baumer SLIN §3.1, TR SLIN §6).",
     evidence: "Data words outside any exchange, or a second answer to one request. What the beginning or the end of the capture cut off is not counted.",
@@ -352,6 +363,7 @@ pub static STRAY_DATA: Code = Code {
 pub static LATE_ANSWER: Code = Code {
     name: "slin.late-answer",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "An answer came after its request had been given up.",
     rule: "Within 1 ms (Baumer SLIN §3.2), after 0.1 to 0.4 ms (TR SLIN §6).",
     evidence: "Words with a footer that names the station that was silent before, after the next request or after ten response limits.",
@@ -381,6 +393,7 @@ pub static LATE_ANSWER: Code = Code {
 pub static POSITION_JUMP: Code = Code {
     name: "slin.position-jump",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "A position does not fit the ones before and after it: perhaps a wrong value without any error mark.",
     rule: "No manual has such a rule. Parity misses two wrong bits in a character, and the checksum misses 1 in 5 of those.",
     evidence: "The step to this position differs from the steps before and after it, both in the same direction, by more than 127 and by more than 8 times the largest other change of step among the station's last 100. Steps across gaps, missed and damaged telegrams are left out. A spike is told once, not its return.",
@@ -414,6 +427,7 @@ pub static POSITION_JUMP: Code = Code {
 pub static NOT_SLIN: Code = Code {
     name: "slin.not-slin",
     severity: Severity::Warning,
+    is_cause: true,
     meaning: "What is on this line does not speak SLIN.",
     rule: "Request 80h to 87h, data words, footer (Baumer SLIN §3.2, TR SLIN §6). Baumer's other RS485 protocol: 38400 Bd, 8N1, request 01 80 address 80 04, answer with six bytes between 01 and LRC 04.",
     evidence: "No complete exchange in the whole capture, or requests of Baumer's other protocol. Told once, at the end.",
@@ -447,6 +461,7 @@ pub static NOT_SLIN: Code = Code {
 pub static GLITCH: Code = Code {
     name: "slin.glitch",
     severity: Severity::Info,
+    is_cause: false,
     meaning: "A short pulse was read as FFh with a parity or framing error: nobody sent that.",
     rule: "None: it is what a floating line does while one driver hands over to the next.",
     evidence: "FFh with a parity or framing error outside the words of a telegram, and no character right behind it. It is left out of the telegram and of its response time.",
@@ -467,6 +482,7 @@ pub static GLITCH: Code = Code {
 pub static NO_DATA_WORDS: Code = Code {
     name: "slin.no-data-words",
     severity: Severity::Info,
+    is_cause: false,
     meaning: "The answer is a footer alone; taken as position 0.",
     rule: "Data words are sent \"until no more relevant data are available\" (Baumer SLIN §3.2): neither manual says whether position 0 is one zero word or none.",
     evidence: "A footer with bit 3 high right after the request.",
@@ -482,6 +498,7 @@ pub static NO_DATA_WORDS: Code = Code {
 pub static AMBIGUOUS: Code = Code {
     name: "slin.ambiguous",
     severity: Severity::Info,
+    is_cause: false,
     meaning: "Two equal control words: a request and its repetition, or a request and an empty answer.",
     rule: "With bit 3 low, the footer of an answer without data words has the same bits as its request (TR SLIN §6).",
     evidence: "The second control word began where an answer may begin. Told in place of slin.no-response and slin.never-answered.",
@@ -507,6 +524,7 @@ pub static AMBIGUOUS: Code = Code {
 pub static NEVER_ANSWERED: Code = Code {
     name: "slin.never-answered",
     severity: Severity::Info,
+    is_cause: false,
     meaning: "This address was asked and nobody has answered there so far.",
     rule: "None: masters scan addresses that are not in use. Up to 8 encoders (TR SLIN §1).",
     evidence: "Another control word, or silence for ten times the limit. Told once an address.",

@@ -15,6 +15,7 @@ pub static SETUP_CODES: [&Code; 3] = [&SWAPPED_LINES, &WRONG_RATE, &WRONG_PARITY
 pub static FRAMING: Code = Code {
     name: "uart.framing",
     severity: Severity::Error,
+    is_cause: false,
     meaning: "A character's stop bit was low: the bits of this character cannot be trusted.",
     rule: "Every character ends with a stop bit, which is high (Baumer SLIN §3.2, TR SLIN §6; IEC 60870-5-1, FT1.2).",
     evidence: "The stop bit, by a vote around its middle in line captures, or the receiver's own framing error flag. A break is told as uart.break instead.",
@@ -41,6 +42,7 @@ pub static FRAMING: Code = Code {
 pub static BREAK: Code = Code {
     name: "uart.break",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "The line stayed at the start-bit level for longer than a character.",
     rule: "Idle is high, and every character brings a high stop bit (IEC 60870-5-1, FT1.2); SLIN knows no break.",
     evidence: "The line level over a whole character and its stop bit, or the receiver's break flag.",
@@ -69,6 +71,7 @@ pub static BREAK: Code = Code {
 pub static OVERRUN: Code = Code {
     name: "uart.overrun",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "The receiver was overrun: characters were on the wire that are not in the capture.",
     rule: "What is not in the capture is not judged; telegrams around the gap may be torn.",
     evidence: "The overflow event of the capture.",
@@ -91,6 +94,7 @@ pub static OVERRUN: Code = Code {
 pub static LOST: Code = Code {
     name: "uart.lost",
     severity: Severity::Warning,
+    is_cause: false,
     meaning: "The capture says that something was lost here.",
     rule: "What is not in the capture is not judged; telegrams around the gap may be torn.",
     evidence: "The loss event of the capture, or a gap between two pieces of it.",
@@ -113,6 +117,7 @@ pub static LOST: Code = Code {
 pub static SWAPPED_LINES: Code = Code {
     name: "uart.swapped-lines",
     severity: Severity::Warning,
+    is_cause: true,
     meaning: "The line looks upside down: A and B of the tap are probably swapped.",
     rule: "Idle is high (IEC 60870-5-1, FT1.2). Of two swapped lines a receiver sees idle as a break.",
     evidence: "Of the first characters nearly all are breaks, or 00h with a missing stop bit. Told once.",
@@ -143,6 +148,7 @@ pub static SWAPPED_LINES: Code = Code {
 pub static WRONG_RATE: Code = Code {
     name: "uart.wrong-rate",
     severity: Severity::Warning,
+    is_cause: true,
     meaning: "The rate that was set is probably not the rate of the line.",
     rule: "SLIN runs at 9600, 19200 or 115200 Bd (Baumer SLIN §3.1); TR also at 345594 Bd (TR SLIN §1).",
     evidence: "Of the first characters many have a missing stop bit or wrong parity, and hardly one is a request. Told once.",
@@ -173,6 +179,7 @@ pub static WRONG_RATE: Code = Code {
 pub static WRONG_PARITY: Code = Code {
     name: "uart.wrong-parity",
     severity: Severity::Warning,
+    is_cause: true,
     meaning: "The parity that was set is probably not the parity of the line.",
     rule: "SLIN characters have 8 data bits and even parity: 8E1 (TR SLIN §6; Baumer SLIN §3.2 with \"11 UART character bits\").",
     evidence: "Nearly every one of the first characters has a parity error and none a framing error (odd for even), or those whose even parity bit would be 0 have a framing error and the others none (no parity for even); or the line has another format than SLIN. Told once.",
