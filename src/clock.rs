@@ -51,13 +51,17 @@ impl Clock {
         }
     }
 
-    /// A period as `, 10:41:07 to 10:41:09`, or nothing where there are no times.
+    /// A period as `, 10:41:07 to 10:41:09`, finer within one second, or nothing where there are
+    /// no times.
     pub fn period(&self, period: Period) -> String {
         let (Some(first), Some(last)) = (period.first.ns(), period.last.ns()) else {
             return String::new();
         };
-        let text = |ns: i64| match time_of_day(ns) {
-            Some(text) if ns >= FIRST_DATE_NS => text,
+        let form = if last / 1_000_000_000 > first / 1_000_000_000 { "%T" } else { "%T%.3f" };
+        let text = |ns: i64| match Timestamp::from_nanosecond(i128::from(ns)) {
+            Ok(time) if ns >= FIRST_DATE_NS => {
+                time.to_zoned(TimeZone::UTC).strftime(form).to_string()
+            }
             _ => format!("{:.3} s", ns as f64 / 1e9),
         };
         let (first, last) = (text(first), text(last));
@@ -104,11 +108,6 @@ impl fmt::Display for Exact {
     }
 }
 
-fn time_of_day(ns: i64) -> Option<String> {
-    let time = Timestamp::from_nanosecond(i128::from(ns)).ok()?;
-    Some(time.to_zoned(TimeZone::UTC).strftime("%T").to_string())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -125,6 +124,18 @@ mod tests {
         clock.tick(date);
         assert_eq!(clock.tick(later), Some(1_500_000));
         assert_eq!(clock.show(later, None).to_string(), "0.001500");
+    }
+
+    #[test]
+    fn periods_are_as_fine_as_they_are_short() {
+        let at = |ns: i64| Moment::from_ns(1_700_000_000_000_000_000 + ns);
+        let clock = Clock::new(TimeStyle::Relative);
+        let period =
+            |first: i64, last: i64| clock.period(Period { first: at(first), last: at(last) });
+        assert_eq!(period(0, 2_100_000_000), ", 22:13:20 to 22:13:22");
+        assert_eq!(period(5_000_000, 650_000_000), ", 22:13:20.005 to 22:13:20.650");
+        assert_eq!(period(5_000_000, 5_000_000), ", 22:13:20.005");
+        assert_eq!(clock.period(Period::NEVER), "");
     }
 
     #[test]

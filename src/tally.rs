@@ -20,7 +20,8 @@ pub struct Period {
 }
 
 impl Period {
-    const NEVER: Period = Period { first: Moment::UNKNOWN, last: Moment::UNKNOWN };
+    /// No time at all.
+    pub const NEVER: Period = Period { first: Moment::UNKNOWN, last: Moment::UNKNOWN };
 
     fn add(&mut self, time: Moment) {
         if !self.first.is_known() {
