@@ -1,7 +1,7 @@
 //! What holds for every SLIN bus, whatever its encoders, rates and damages.
 
-use fieldtap_dissectors::bus::{Bus, WireFacts};
-use fieldtap_dissectors::event::{Clock, Event, Moment};
+use fieldtap_dissectors::bus::{Bus, Sampling, WireFacts};
+use fieldtap_dissectors::event::{Clock, Event, Levels, Moment};
 use fieldtap_dissectors::field::{Role, Value};
 use fieldtap_dissectors::protocol::Settings;
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
@@ -116,6 +116,26 @@ impl Line {
         heard
     }
 
+    /// The line's edges in ticks of [`TICK_NS`], from high, and its end: characters as 8E1.
+    fn edges(self, exchanges: &[Exchange]) -> (Vec<u64>, u64) {
+        let bit_ns = 1e9 / f64::from(self.baud);
+        let (mut edges, mut level, mut end) = (Vec::new(), true, 0);
+        for character in self.characters(exchanges).concat() {
+            let start = character.start.ns().expect("it has a time") as f64;
+            let byte = u32::from(character.byte());
+            let bits = byte << 1 | (byte.count_ones() & 1) << 9 | 1 << 10;
+            for index in 0..11 {
+                let tick = ((start + f64::from(index) * bit_ns) / TICK_NS) as u64;
+                if (bits >> index & 1 == 1) != level {
+                    edges.push(tick);
+                    level = !level;
+                }
+                end = tick;
+            }
+        }
+        (edges, end + 1_000_000)
+    }
+
     fn settings(self) -> Settings {
         let mut settings = Settings {
             protocol: Some(&slin::PROTOCOL),
@@ -139,6 +159,30 @@ fn decode(settings: Settings, pieces: &[&[Character]], advance: bool) -> Vec<Tol
             let until = next.start.plus(-1);
             bus.hear(Event::Advance(until), &mut Output::new(&mut number, &mut recorder));
         }
+    }
+    bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut recorder));
+    recorder.0
+}
+
+/// 10 MHz.
+const TICK_NS: f64 = 100.0;
+
+/// Decodes line levels that come in pieces, divided at these ticks.
+fn decode_levels(settings: Settings, edges: &[u64], cuts: &[u64]) -> Vec<Told> {
+    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Sample) };
+    let sampling =
+        Sampling { ticks_per_second: 10_000_000, uncertainty: 100, origin: Moment::from_ns(0) };
+    let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
+    let mut bus = Bus::new(info, facts, settings);
+    let (mut recorder, mut number) = (Recorder::default(), 0);
+    let mut level = true;
+    for cut in cuts.windows(2) {
+        let (from, until) = (cut[0], cut[1]);
+        let first = edges.partition_point(|edge| *edge < from);
+        let behind = edges.partition_point(|edge| *edge < until);
+        let piece = Levels { edges: &edges[first..behind], level, from, until };
+        bus.hear(Event::Levels(piece), &mut Output::new(&mut number, &mut recorder));
+        level ^= (behind - first) % 2 == 1;
     }
     bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut recorder));
     recorder.0
@@ -223,6 +267,30 @@ proptest! {
         prop_assert_eq!(&decode(settings.clone(), &pieces, false), &whole);
         let single: Vec<&[Character]> = heard.chunks(1).collect();
         prop_assert_eq!(&decode(settings, &single, true), &whole);
+    }
+
+    /// Nor does it matter how the levels of a line are divided, be it between two edges of a bit.
+    #[test]
+    fn the_division_of_the_line_does_not_matter(
+        line in lines(),
+        exchanges in exchanges(),
+        cuts in vec(any::<prop::sample::Index>(), 0..200),
+        is_found in any::<bool>(),
+    ) {
+        let (edges, end) = line.edges(&exchanges);
+        let mut settings = line.settings();
+        if is_found {
+            settings = Settings::default();
+        }
+        let whole = decode_levels(settings.clone(), &edges, &[0, end]);
+        let responses = whole.iter().filter(|told| told.kind == "response").count();
+        prop_assert!(is_found || responses == exchanges.len(), "{responses}");
+        let mut cuts: Vec<u64> = cuts.iter().map(|cut| cut.index(end as usize) as u64).collect();
+        cuts.extend([0, end]);
+        cuts.sort_unstable();
+        prop_assert_eq!(&decode_levels(settings.clone(), &edges, &cuts), &whole);
+        let each: Vec<u64> = [0].iter().chain(&edges).copied().chain([end]).collect();
+        prop_assert_eq!(&decode_levels(settings, &edges, &each), &whole);
     }
 
     /// A damaged character, whichever of its bits is wrong, costs its own exchange and no other.
