@@ -35,9 +35,13 @@ pub struct Sampling {
     pub origin: Moment,
 }
 
-/// What was on the wire so far, good or bad.
+/// What was on the wire so far, good or bad: characters of a serial line or frames of a CAN bus.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LineCounts {
+    /// CAN frames, error frames included.
+    pub frames: u64,
+    /// Error frames among them.
+    pub error_frames: u64,
     /// Characters.
     pub characters: u64,
     /// Characters with a parity or framing error.

@@ -1,20 +1,23 @@
 //! Finds out which protocol is spoken, and lets it be dissected.
 
 use crate::bus::LineCounts;
+use crate::can::{self, Frame, FrameKind};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
-use crate::protocol::{Conclusion, Dissector, PROTOCOLS, Protocol, Settings, Speaks};
+use crate::protocol::{
+    Beginning, Conclusion, Dissector, Medium, PROTOCOLS, Protocol, Settings, Speaks,
+};
 use crate::record::{BusInfo, Output};
 use crate::uart::{self, Character, Parity, Wire};
 use alloc::{boxed::Box, string::String, string::ToString, vec::Vec};
 
-/// Characters that are held back at most to find out what is spoken.
-const HELD_CHARACTERS: usize = 256;
+/// Characters or frames that are held back at most to find out what is spoken.
+const HELD: usize = 256;
 
-/// How long characters are held back at most, in ns.
+/// How long they are held back at most, in ns.
 const HELD_NS: i64 = 2_000_000_000;
 
-/// From characters to records.
+/// From characters or frames to records.
 pub(crate) struct Decoder {
     info: BusInfo,
     settings: Settings,
@@ -37,6 +40,7 @@ enum Stage {
 /// One event that is held back.
 enum Held {
     Character(Character),
+    Frame(Frame),
     Break(Break),
     Lost(Loss),
 }
@@ -104,9 +108,6 @@ impl Decoder {
         self.count(&event);
         if let Stage::Decoding { dissector, .. } = &mut self.stage {
             dissector.hear(&self.info, event, out);
-        } else if self.settings.protocol.is_some() && !self.must_find_rate(wire) {
-            self.find_out(wire, out);
-            self.pass_on(event, out);
         } else {
             self.hold(wire, event, out);
         }
@@ -129,6 +130,11 @@ impl Decoder {
                     counts.unknown_parity += u64::from(character.parity() == Parity::Unknown);
                 }
             }
+            Event::Frames(frames) => {
+                counts.frames += frames.len() as u64;
+                let is_error = |frame: &&Frame| frame.kind == FrameKind::Error;
+                counts.error_frames += frames.iter().filter(is_error).count() as u64;
+            }
             Event::Break(_) => counts.breaks += 1,
             Event::Lost(_) => counts.losses += 1,
             Event::Levels(_) | Event::Advance(_) => {}
@@ -137,17 +143,26 @@ impl Decoder {
 
     fn hold(&mut self, wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
         let Stage::Finding { held, since } = &mut self.stage else { return };
-        let mut rest: &[Character] = &[];
+        let room = HELD.saturating_sub(held.len());
+        let mut rest = None;
         let now = match event {
             Event::Characters(characters) => {
-                let room = HELD_CHARACTERS.saturating_sub(held.len());
                 let (fitting, beyond) = characters.split_at(room.min(characters.len()));
                 held.extend(fitting.iter().copied().map(Held::Character));
-                rest = beyond;
+                rest = Some(Event::Characters(beyond));
                 if !since.is_known() {
                     *since = characters.first().map_or(Moment::UNKNOWN, |first| first.start);
                 }
                 characters.last().map_or(Moment::UNKNOWN, |last| last.start)
+            }
+            Event::Frames(frames) => {
+                let (fitting, beyond) = frames.split_at(room.min(frames.len()));
+                held.extend(fitting.iter().copied().map(Held::Frame));
+                rest = Some(Event::Frames(beyond));
+                if !since.is_known() {
+                    *since = frames.first().map_or(Moment::UNKNOWN, |first| first.start);
+                }
+                frames.last().map_or(Moment::UNKNOWN, |last| last.start)
             }
             Event::Break(event) => {
                 held.push(Held::Break(event));
@@ -161,9 +176,13 @@ impl Decoder {
             Event::Levels(_) => return,
         };
         let is_long = since.is_known() && now.is_after(since.plus(HELD_NS));
-        if held.len() >= HELD_CHARACTERS || is_long {
+        let is_full = held.len() >= HELD;
+        let is_told = self.settings.protocol.is_some() && !self.must_find_rate(wire);
+        if is_full || is_long || (is_told && rest.is_some()) {
             self.find_out(wire, out);
-            self.pass_on(Event::Characters(rest), out);
+            if let Some(rest) = rest {
+                self.pass_on(rest, out);
+            }
         }
     }
 
@@ -177,35 +196,17 @@ impl Decoder {
     fn find_out(&mut self, wire: Wire, out: &mut Output<'_>) {
         let Stage::Finding { held, .. } = &mut self.stage else { return };
         let held = core::mem::take(held);
-        let characters: Vec<Character> = held
-            .iter()
-            .filter_map(|event| match event {
-                Held::Character(character) => Some(*character),
-                _ => None,
-            })
-            .collect();
-        let wire = self.find_rate(wire, &characters);
-        let (protocol, note) = self.find_protocol(&characters, wire);
+        let characters: Vec<Character> = held.iter().filter_map(Held::character).collect();
+        let frames: Vec<Frame> = held.iter().filter_map(Held::frame).collect();
+        let wire = self.find_rate(wire, &characters, &frames);
+        let (protocol, note) = self.find_protocol(&characters, &frames, wire);
         let mut dissector = (protocol.dissector)(wire, &self.settings);
         for finding in self.notes.drain(..).chain(note) {
             dissector.note(finding);
         }
         self.stage = Stage::Decoding { wire, protocol, dissector };
-        self.replay(&held, &characters, out);
-    }
-
-    fn replay(&mut self, held: &[Held], mut characters: &[Character], out: &mut Output<'_>) {
-        for run in held.chunk_by(|a, b| matches!((a, b), (Held::Character(_), Held::Character(_))))
-        {
-            match run[0] {
-                Held::Character(_) => {
-                    let (now, later) = characters.split_at(run.len());
-                    self.pass_on(Event::Characters(now), out);
-                    characters = later;
-                }
-                Held::Break(event) => self.pass_on(Event::Break(event), out),
-                Held::Lost(loss) => self.pass_on(Event::Lost(loss), out),
-            }
+        for held in &held {
+            self.pass_on(held.event(), out);
         }
     }
 
@@ -213,13 +214,17 @@ impl Decoder {
         wire.baud().is_none() && self.can_find_rate
     }
 
-    fn find_rate(&mut self, mut wire: Wire, characters: &[Character]) -> Wire {
+    fn find_rate(&mut self, mut wire: Wire, characters: &[Character], frames: &[Frame]) -> Wire {
         if self.must_find_rate(wire) {
-            let found = uart::baud_from_spacing(characters, wire.format());
+            let found = if frames.is_empty() {
+                uart::baud_from_spacing(characters, wire.format())
+            } else {
+                can::bitrate_from_spacing(frames)
+            };
             wire = Wire::new(found.as_ref().map(|(baud, _)| *baud), wire.format());
             let evidence = match found {
                 Some((_, evidence)) => evidence,
-                None => String::from("no two characters came without a pause"),
+                None => String::from("nothing came without a pause"),
             };
             let value = wire.baud().map(|baud| baud.to_string());
             self.conclusions.push(Conclusion { subject: "baud", station: None, value, evidence });
@@ -230,14 +235,23 @@ impl Decoder {
     fn find_protocol(
         &mut self,
         characters: &[Character],
+        frames: &[Frame],
         wire: Wire,
     ) -> (&'static Protocol, Option<Finding>) {
-        if let Some(protocol) = self.settings.protocol {
+        let given = self.settings.protocol.map_or(Medium::Serial, |protocol| protocol.medium);
+        let medium = match (frames, characters) {
+            ([], []) => given,
+            ([], _) => Medium::Serial,
+            _ => Medium::Can,
+        };
+        if let Some(protocol) = self.settings.protocol.filter(|given| given.medium == medium) {
             return (protocol, None);
         }
+        let beginning =
+            Beginning { bus: &self.info, wire, characters, frames, settings: &self.settings };
         let mut note = None;
-        for protocol in PROTOCOLS {
-            match (protocol.speaks)(&self.info, characters, wire, &self.settings) {
+        for protocol in PROTOCOLS.into_iter().filter(|protocol| protocol.medium == medium) {
+            match (protocol.speaks)(&beginning) {
                 Speaks::Yes(evidence) => {
                     let value = Some(String::from(protocol.name));
                     let subject = "protocol";
@@ -248,6 +262,28 @@ impl Decoder {
                 Speaks::No => {}
             }
         }
-        (&uart::PROTOCOL, note)
+        match medium {
+            Medium::Serial => (&uart::PROTOCOL, note),
+            Medium::Can => (&can::PROTOCOL, note),
+        }
+    }
+}
+
+impl Held {
+    fn character(&self) -> Option<Character> {
+        if let Held::Character(character) = self { Some(*character) } else { None }
+    }
+
+    fn frame(&self) -> Option<Frame> {
+        if let Held::Frame(frame) = self { Some(*frame) } else { None }
+    }
+
+    fn event(&self) -> Event<'_> {
+        match self {
+            Held::Character(character) => Event::Characters(core::slice::from_ref(character)),
+            Held::Frame(frame) => Event::Frames(core::slice::from_ref(frame)),
+            Held::Break(event) => Event::Break(*event),
+            Held::Lost(loss) => Event::Lost(*loss),
+        }
     }
 }

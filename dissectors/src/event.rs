@@ -1,8 +1,9 @@
 //! What a tap can hear.
 //!
-//! Everything a dissector takes in is an [`Event`]: characters, line levels, a break, a loss, or
-//! the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
+//! Everything a dissector takes in is an [`Event`]: characters, CAN frames, line levels, a break, a
+//! loss, or the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
 
+use crate::can::Frame;
 use crate::uart::Character;
 
 /// A point in time on the wire: nanoseconds since the Unix epoch or, where the source has no
@@ -144,7 +145,9 @@ pub enum LossCause {
 pub enum Event<'a> {
     /// Characters, in the order they were on the wire.
     Characters(&'a [Character]),
-    /// Line levels, to be decoded into characters.
+    /// CAN frames, in the order they were on the wire.
+    Frames(&'a [Frame]),
+    /// Line levels, to be decoded into characters or frames.
     Levels(Levels<'a>),
     /// A break.
     Break(Break),

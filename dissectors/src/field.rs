@@ -4,10 +4,11 @@
 pub type FieldId = usize;
 
 /// One thing that a record may hold.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Its name in filters, columns and reports. A dot separates the object it stands in:
-    /// `slin.position` is the key `position` of the object `slin`.
+    /// Its name in filters, columns and reports. Dots separate the objects it stands in:
+    /// `slin.position` is the key `position` of the object `slin`, `devicenet.error.name` the key
+    /// `name` of the object `error` in the object `devicenet`.
     pub name: &'static str,
     /// What kind of value it is.
     pub kind: Kind,
@@ -26,10 +27,19 @@ impl Field {
         self.name.rsplit_once('.').map_or(self.name, |(_, key)| key)
     }
 
-    /// The object it stands in: the name before the last dot, or `""`.
+    /// The object it stands in at this depth: of `a.b.c`, `a` and then `b`. `None` where the key
+    /// is.
     #[must_use]
-    pub fn object(&self) -> &'static str {
-        self.name.rsplit_once('.').map_or("", |(object, _)| object)
+    pub fn object(&self, depth: usize) -> Option<&'static str> {
+        let mut parts = self.name.split('.').skip(depth);
+        let part = parts.next()?;
+        parts.next().map(|_| part)
+    }
+
+    /// Whether another field stands in the same object at this depth.
+    #[must_use]
+    pub fn shares_object(&self, other: &Field, depth: usize) -> bool {
+        self.object(depth).is_some_and(|object| other.object(depth) == Some(object))
     }
 }
 
@@ -72,6 +82,10 @@ pub enum Kind {
     Hex,
     /// Rows, each with these fields.
     Rows(&'static [Field]),
+    /// Several values of this kind.
+    List(&'static Kind),
+    /// A value whose kind depends on what is asked for: a truth, a number, text, or a list.
+    Any,
 }
 
 /// The value of a field in one record.
@@ -93,6 +107,16 @@ pub enum Value<'a> {
     Hex(&'a [u8]),
     /// Rows of values.
     Rows(&'a dyn Rows),
+    /// Several values.
+    List(&'a dyn List),
+}
+
+impl Value<'_> {
+    /// Whether the field does not apply.
+    #[must_use]
+    pub const fn is_absent(&self) -> bool {
+        matches!(self, Value::Absent)
+    }
 }
 
 impl From<Option<i64>> for Value<'_> {
@@ -104,6 +128,30 @@ impl From<Option<i64>> for Value<'_> {
 impl<'a> From<Option<&'a str>> for Value<'a> {
     fn from(value: Option<&'a str>) -> Self {
         value.map_or(Value::Absent, Value::Text)
+    }
+}
+
+/// A list of values inside a record.
+pub trait List {
+    /// How many values.
+    fn len(&self) -> usize;
+
+    /// Whether there is none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The value at this place; [`Value::Absent`] outside the list.
+    fn get(&self, index: usize) -> Value<'_>;
+}
+
+impl List for [&'static str] {
+    fn len(&self) -> usize {
+        <[&'static str]>::len(self)
+    }
+
+    fn get(&self, index: usize) -> Value<'_> {
+        <[&'static str]>::get(self, index).copied().into()
     }
 }
 
@@ -119,6 +167,23 @@ pub trait Rows {
 
     /// The value of a field in a row; [`Value::Absent`] outside the list.
     fn get(&self, row: usize, field: FieldId) -> Value<'_>;
+}
+
+/// The fields of a medium followed by those of a protocol on it, as one table.
+#[must_use]
+pub const fn joined<const N: usize>(first: &[Field], second: &[Field]) -> [Field; N] {
+    assert!(first.len() + second.len() == N, "the table has another size");
+    let mut all = [first[0]; N];
+    let mut index = 0;
+    while index < N {
+        let own = index.checked_sub(first.len());
+        all[index] = match own {
+            Some(own) => second[own],
+            None => first[index],
+        };
+        index += 1;
+    }
+    all
 }
 
 /// Declares a protocol's table of fields, each with how a record answers it: the static table, and
@@ -138,7 +203,10 @@ macro_rules! fields {
         }),*];
 
         impl $layer<'_> {
-            fn value(&self, field: $crate::field::FieldId) -> $crate::field::Value<'_> {
+            pub(crate) fn value(
+                &self,
+                field: $crate::field::FieldId,
+            ) -> $crate::field::Value<'_> {
                 type Answer = for<'a> fn(&'a $layer<'_>) -> $crate::field::Value<'a>;
                 const ANSWERS: &[Answer] = &[$(|$this| $value),*];
                 ANSWERS.get(field).map_or($crate::field::Value::Absent, |answer| answer(self))

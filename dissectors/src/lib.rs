@@ -12,6 +12,7 @@
 extern crate alloc;
 
 pub mod bus;
+pub mod can;
 mod decoder;
 pub mod event;
 pub mod field;

@@ -1,17 +1,18 @@
 //! The list of protocols, and what each of them has to offer.
 
+use crate::can::{Frame, Load};
 use crate::event::{Event, Moment};
 use crate::field::{Field, FieldId, Role};
 use crate::finding::{Code, Finding};
 use crate::record::{BusInfo, Output};
 use crate::station::Stations;
 use crate::uart::{Character, Wire};
-use crate::{slin, uart};
+use crate::{can, slin, uart};
 use alloc::{boxed::Box, string::String, vec::Vec};
 
 /// Every protocol that can be spoken on a bus, the most particular first: `auto` takes the first
 /// that the traffic speaks for. A new one is added here and nowhere else.
-pub static PROTOCOLS: [&Protocol; 2] = [&slin::PROTOCOL, &uart::PROTOCOL];
+pub static PROTOCOLS: [&Protocol; 3] = [&slin::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
 
 /// One protocol: its tables, and how to make a dissector for it.
 pub struct Protocol {
@@ -25,8 +26,10 @@ pub struct Protocol {
     pub fields: &'static [Field],
     /// Its finding codes.
     pub codes: &'static [&'static Code],
-    /// Whether the first characters of a bus speak for it.
-    pub speaks: fn(&BusInfo, &[Character], Wire, &Settings) -> Speaks,
+    /// What it travels on.
+    pub medium: Medium,
+    /// Whether the beginning of a bus of its medium speaks for it.
+    pub speaks: fn(&Beginning<'_>) -> Speaks,
     /// Makes a dissector for one bus.
     pub dissector: fn(Wire, &Settings) -> Box<dyn Dissector>,
 }
@@ -75,6 +78,30 @@ pub struct Settings {
     pub stations: Stations,
 }
 
+/// What carries a protocol.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Medium {
+    /// Characters of a serial line.
+    Serial,
+    /// CAN frames.
+    Can,
+}
+
+/// What was heard first on a bus: some hundred characters or frames.
+#[derive(Clone, Copy)]
+pub struct Beginning<'a> {
+    /// Name and clock.
+    pub bus: &'a BusInfo,
+    /// Rate and format, as far as they are known.
+    pub wire: Wire,
+    /// The first characters.
+    pub characters: &'a [Character],
+    /// The first frames.
+    pub frames: &'a [Frame],
+    /// What the user decided.
+    pub settings: &'a Settings,
+}
+
 /// Whether traffic speaks for a protocol.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Speaks {
@@ -103,6 +130,11 @@ pub trait Dissector {
 
     /// What it found out on its own, with the evidence.
     fn conclusions(&self) -> Vec<Conclusion>;
+
+    /// How busy the bus was, where frames tell.
+    fn load(&self) -> Option<Load> {
+        None
+    }
 }
 
 /// Something that was found out instead of being told, and why it is believed.

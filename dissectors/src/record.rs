@@ -1,5 +1,6 @@
 //! Records: what a dissector makes of what it heard, one per telegram, frame or event.
 
+use crate::can::Frame;
 use crate::event::{Break, Clock, Loss, LossCause, Moment};
 use crate::field::{Field, FieldId, Kind, Role, Value};
 use crate::finding::{Code, Finding};
@@ -13,6 +14,8 @@ use core::fmt;
 pub enum Heard<'a> {
     /// These characters.
     Characters(&'a [Character]),
+    /// This frame.
+    Frame(&'a Frame),
     /// A break.
     Break(Break),
     /// A loss.
@@ -134,6 +137,15 @@ impl<'a> Record<'a> {
         self
     }
 
+    /// The same, as told by this frame. The duration is left to the caller, who knows its bits.
+    #[must_use]
+    pub fn of_frame(mut self, frame: &'a Frame) -> Self {
+        self.heard = Heard::Frame(frame);
+        self.start = frame.start;
+        self.uncertainty = frame.uncertainty;
+        self
+    }
+
     /// The same, as the record of a break.
     #[must_use]
     pub fn of_break(mut self, event: Break) -> Self {
@@ -175,6 +187,27 @@ impl<'a> Record<'a> {
             Heard::Characters(characters) => characters,
             _ => &[],
         }
+    }
+
+    /// The frame it was made from, if any.
+    #[must_use]
+    pub fn frame(&self) -> Option<&'a Frame> {
+        match self.heard {
+            Heard::Frame(frame) => Some(frame),
+            _ => None,
+        }
+    }
+
+    /// Whether it carries bytes of the wire, be it none.
+    #[must_use]
+    pub fn has_bytes(&self) -> bool {
+        matches!(self.heard, Heard::Characters(_) | Heard::Frame(_))
+    }
+
+    /// The bytes on the wire: those of the characters, or the data of the frame.
+    pub fn bytes(&self) -> impl Iterator<Item = u8> + use<'a> {
+        let data = self.frame().map_or(&[][..], Frame::bytes);
+        self.characters().iter().map(Character::byte).chain(data.iter().copied())
     }
 
     /// How many characters or frames were lost here, if this is a loss and they were counted.

@@ -42,7 +42,8 @@ fn entry(name: &str, field: &Field) -> String {
         Kind::Float => "float",
         Kind::Text | Kind::OneOf(_) | Kind::AnyOf(_) => "string",
         Kind::Byte | Kind::Hex => "hex",
-        Kind::Rows(_) => "array",
+        Kind::Rows(_) | Kind::List(_) => "array",
+        Kind::Any => "any",
     };
     format!("{name:<28} {kind:<7} {:<8} {}\n", field.unit, field.meaning)
 }

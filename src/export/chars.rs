@@ -34,7 +34,7 @@ impl<W: Write> Chars<W> {
                 characters.iter().try_for_each(|character| self.write_character(character))
             }
             Heard::Break(event) => self.write_line(event.start, 0, "break"),
-            Heard::Lost(_) | Heard::Nothing => Ok(()),
+            Heard::Lost(_) | Heard::Nothing | Heard::Frame(_) => Ok(()),
         }
     }
 

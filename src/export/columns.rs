@@ -1,7 +1,7 @@
 //! Columns of a table: which fields of a record, and how they are written.
 
 use crate::clock::Exact;
-use dissectors::field::{Role, Value};
+use dissectors::field::{FieldId, Role, Value};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::record::Record;
 use std::fmt::Write;
@@ -62,8 +62,8 @@ enum What {
     Withheld,
     /// Whatever plays this role in the record's protocol.
     Role(Role),
-    /// This field of this protocol.
-    Field(&'static Protocol, usize),
+    /// The field of this name, wherever each protocol has it.
+    Field([Option<FieldId>; PROTOCOLS.len()]),
 }
 
 impl Default for Columns {
@@ -127,9 +127,7 @@ impl Columns {
                 make_harmless(cell);
             }
             What::Raw => {
-                for character in record.characters() {
-                    hex(character.byte(), cell);
-                }
+                record.bytes().for_each(|byte| hex(byte, cell));
             }
             What::Findings => join(record.findings.iter().map(|f| f.code.name), cell),
             What::Withheld => join(record.withheld.iter().map(|code| code.name), cell),
@@ -138,10 +136,12 @@ impl Columns {
                 other => value(other, cell),
             },
             What::Role(role) => value(record.by_role(role), cell),
-            What::Field(protocol, field) if protocol == record.protocol => {
-                value(record.get(field), cell);
+            What::Field(places) => {
+                let place = PROTOCOLS.iter().zip(places).find(|(p, _)| **p == record.protocol);
+                if let Some((_, Some(field))) = place {
+                    value(record.get(field), cell);
+                }
             }
-            What::Field(..) => {}
         }
     }
 }
@@ -172,10 +172,16 @@ impl Column {
             "destination" => What::Role(Role::Destination),
             "position" => What::Role(Role::Position),
             "response_time" => What::Role(Role::ResponseTime),
-            _ => PROTOCOLS.into_iter().find_map(|protocol| {
-                let field = protocol.fields.iter().position(|field| field.name == name)?;
-                Some(What::Field(protocol, field))
-            })?,
+            _ => {
+                let place = |protocol: &Protocol| {
+                    protocol.fields.iter().position(|field| field.name == name)
+                };
+                let places = PROTOCOLS.map(place);
+                if places.iter().all(Option::is_none) {
+                    return None;
+                }
+                What::Field(places)
+            }
         };
         Some(Column { name: name.to_owned(), what })
     }
@@ -194,6 +200,12 @@ fn value(value: Value<'_>, cell: &mut String) {
             let _ = write!(cell, "{byte:02X}");
         }
         Value::Hex(bytes) => bytes.iter().for_each(|byte| hex(*byte, cell)),
+        Value::List(list) => {
+            for index in 0..list.len() {
+                cell.push_str(if index == 0 { "" } else { " " });
+                self::value(list.get(index), cell);
+            }
+        }
         Value::Rows(rows) => {
             for row in 0..rows.len() {
                 cell.push_str(if row == 0 { "" } else { " " });

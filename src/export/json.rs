@@ -1,9 +1,9 @@
 //! JSON Lines: one record a line, with the keys of the protocols' field tables.
 
 use super::Export;
-use dissectors::field::{Field, Rows, Value};
+use dissectors::field::{Field, Kind, List, Rows, Value};
 use dissectors::finding::{Finding, State};
-use dissectors::record::{Heard, Record, Sink};
+use dissectors::record::{Record, Sink};
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 use std::fmt;
 use std::io::{self, Write};
@@ -85,10 +85,11 @@ impl Serialize for Object<'_> {
             map.serialize_entry("lost", &count)?;
         }
         map.serialize_entry("summary", self.sentence)?;
-        if let Heard::Characters(_) = record.heard {
+        if record.has_bytes() {
             map.serialize_entry("raw", &Shown(&Raw(record)))?;
         }
-        objects(record, &mut map)?;
+        let fields = record.protocol.fields;
+        Layer { record, fields, first: 0, depth: 0 }.entries(&mut map)?;
         map.serialize_entry("findings", &Findings(record))?;
         if !record.withheld.is_empty() {
             let names = record.withheld.iter().map(|code| code.name);
@@ -98,32 +99,36 @@ impl Serialize for Object<'_> {
     }
 }
 
-/// The protocol's objects: consecutive fields whose names share what stands before the dot.
-fn objects<M: SerializeMap>(record: &Record<'_>, map: &mut M) -> Result<(), M::Error> {
-    let fields = record.protocol.fields;
-    let mut first = 0;
-    for group in fields.chunk_by(|a, b| a.object() == b.object()) {
-        let layer = Layer { record, fields: group, first };
-        if (first..first + group.len()).any(|id| !matches!(record.get(id), Value::Absent)) {
-            map.serialize_entry(group[0].object(), &layer)?;
-        }
-        first += group.len();
-    }
-    Ok(())
-}
-
+/// Consecutive fields of a protocol whose names share what stands before the dot of this depth.
 struct Layer<'a> {
     record: &'a Record<'a>,
     fields: &'static [Field],
     first: usize,
+    depth: usize,
+}
+
+impl Layer<'_> {
+    fn entries<M: SerializeMap>(&self, map: &mut M) -> Result<(), M::Error> {
+        let Layer { record, mut first, depth, .. } = *self;
+        for group in self.fields.chunk_by(|a, b| a.shares_object(b, depth)) {
+            if let Some(object) = group[0].object(depth) {
+                let layer = Layer { record, fields: group, first, depth: depth + 1 };
+                if (first..first + group.len()).any(|id| !record.get(id).is_absent()) {
+                    map.serialize_entry(object, &layer)?;
+                }
+            } else {
+                entry(&group[0], record.get(first), map)?;
+            }
+            first += group.len();
+        }
+        Ok(())
+    }
 }
 
 impl Serialize for Layer<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        for (id, field) in (self.first..).zip(self.fields) {
-            entry(field, self.record.get(id), &mut map)?;
-        }
+        self.entries(&mut map)?;
         map.end()
     }
 }
@@ -134,17 +139,37 @@ fn entry<M: SerializeMap>(
     map: &mut M,
 ) -> Result<(), M::Error> {
     let key = field.key();
-    match value {
-        Value::Absent => Ok(()),
-        Value::Bool(value) => map.serialize_entry(key, &value),
-        Value::Int(value) => map.serialize_entry(key, &value),
-        Value::Float(value) => map.serialize_entry(key, &value),
-        Value::Text(text) => map.serialize_entry(key, text),
-        Value::Byte(byte) => map.serialize_entry(key, &Shown(&format_args!("{byte:02X}"))),
-        Value::Hex(bytes) => map.serialize_entry(key, &Shown(&super::Hex(bytes))),
-        Value::Rows(rows) => {
-            let dissectors::field::Kind::Rows(fields) = field.kind else { return Ok(()) };
+    match (value, field.kind) {
+        (Value::Absent, _) => Ok(()),
+        (Value::Rows(rows), Kind::Rows(fields)) => {
             map.serialize_entry(key, &Table { rows, fields })
+        }
+        (value, _) => map.serialize_entry(key, &Item(value)),
+    }
+}
+
+struct Items<'a>(&'a dyn List);
+
+impl Serialize for Items<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq((0..self.0.len()).map(|index| Item(self.0.get(index))))
+    }
+}
+
+/// A value without a key.
+struct Item<'a>(Value<'a>);
+
+impl Serialize for Item<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Value::Absent | Value::Rows(_) => serializer.serialize_none(),
+            Value::Bool(value) => serializer.serialize_bool(value),
+            Value::Int(value) => serializer.serialize_i64(value),
+            Value::Float(value) => serializer.serialize_f64(value),
+            Value::Text(text) => serializer.serialize_str(text),
+            Value::Byte(byte) => serializer.collect_str(&format_args!("{byte:02X}")),
+            Value::Hex(bytes) => serializer.collect_str(&super::Hex(bytes)),
+            Value::List(list) => Items(list).serialize(serializer),
         }
     }
 }
@@ -231,7 +256,7 @@ struct Raw<'a>(&'a Record<'a>);
 
 impl fmt::Display for Raw<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.characters().iter().try_for_each(|character| write!(f, "{:02X}", character.byte()))
+        self.0.bytes().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
 }
 

@@ -21,9 +21,7 @@ pub fn of_records() -> Value {
     let names: Vec<&str> = codes().map(|code| code.name).collect();
     properties.insert("withheld".to_owned(), json!({"type": "array", "items": {"enum": names}}));
     for protocol in PROTOCOLS {
-        for group in protocol.fields.chunk_by(|a, b| a.object() == b.object()) {
-            properties.insert(group[0].object().to_owned(), object(group));
-        }
+        insert(protocol.fields, 0, &mut properties);
     }
     let kinds: Vec<Value> = PROTOCOLS
         .iter()
@@ -45,14 +43,24 @@ pub fn of_records() -> Value {
     })
 }
 
-fn object(fields: &[Field]) -> Value {
-    let properties: Map<String, Value> =
-        fields.iter().map(|field| (field.key().to_owned(), of_field(field))).collect();
+/// Describes fields that share the objects before this depth.
+fn insert(fields: &[Field], depth: usize, properties: &mut Map<String, Value>) {
+    for group in fields.chunk_by(|a, b| a.shares_object(b, depth)) {
+        match group[0].object(depth) {
+            Some(name) => properties.insert(name.to_owned(), object(group, depth + 1)),
+            None => properties.insert(group[0].key().to_owned(), of_field(&group[0])),
+        };
+    }
+}
+
+fn object(fields: &[Field], depth: usize) -> Value {
+    let mut properties = Map::new();
+    insert(fields, depth, &mut properties);
     json!({"type": "object", "properties": properties, "additionalProperties": false})
 }
 
-fn of_field(field: &Field) -> Value {
-    let mut schema = match field.kind {
+fn of_kind(kind: Kind) -> Value {
+    match kind {
         Kind::Bool => json!({"type": "boolean"}),
         Kind::Int(i64::MIN, i64::MAX) => json!({"type": "integer"}),
         Kind::Int(min, i64::MAX) => json!({"type": "integer", "minimum": min}),
@@ -66,8 +74,14 @@ fn of_field(field: &Field) -> Value {
         }
         Kind::Byte => json!({"type": "string", "pattern": "^[01]?[0-9A-F]{2}$"}),
         Kind::Hex => json!({"type": "string", "pattern": "^[0-9A-F]*$"}),
-        Kind::Rows(fields) => json!({"type": "array", "items": object(fields)}),
-    };
+        Kind::Rows(fields) => json!({"type": "array", "items": object(fields, 0)}),
+        Kind::List(item) => json!({"type": "array", "items": of_kind(*item)}),
+        Kind::Any => json!({"type": ["boolean", "integer", "number", "string", "array"]}),
+    }
+}
+
+fn of_field(field: &Field) -> Value {
+    let mut schema = of_kind(field.kind);
     let unit = if field.unit.is_empty() { String::new() } else { format!(" ({})", field.unit) };
     schema["description"] = format!("{}{unit}", field.meaning).into();
     schema

@@ -2,6 +2,7 @@
 
 use super::{Input, InputFormat, Piece, Source, SourceOptions, reader_of};
 use dissectors::bus::{Sampling, WireFacts};
+use dissectors::can::{Direction, Frame, FrameKind};
 use dissectors::event::{Event, Moment};
 use dissectors::record::BusInfo;
 
@@ -60,6 +61,10 @@ fn heard(event: &Event<'_>) -> String {
             let words: Vec<String> = characters.iter().map(|c| format!("{c:?}")).collect();
             words.join(", ")
         }
+        Event::Frames(frames) => {
+            let words: Vec<String> = frames.iter().map(frame).collect();
+            words.join(", ")
+        }
         Event::Levels(levels) => format!(
             "{} from {} {:?} until {}",
             if levels.level { "high" } else { "low" },
@@ -74,6 +79,33 @@ fn heard(event: &Event<'_>) -> String {
         }
         Event::Advance(time) => format!("nothing until{}", at(*time)),
     }
+}
+
+/// A frame as candump would write it, with what else is known of it.
+fn frame(frame: &Frame) -> String {
+    let id = frame.id.value();
+    let mut text = match (frame.kind, frame.id.is_extended()) {
+        (FrameKind::Error, _) => format!("error {id:X}#"),
+        (_, true) => format!("{id:08X}#"),
+        (_, false) => format!("{id:03X}#"),
+    };
+    match frame.kind {
+        FrameKind::Remote => text += &format!("R{}", frame.dlc),
+        FrameKind::Fd => text.push('#'),
+        FrameKind::Data | FrameKind::Error => {}
+    }
+    frame.bytes().iter().for_each(|byte| text += &format!("{byte:02X}"));
+    if frame.dlc as usize != frame.bytes().len() && frame.kind == FrameKind::Data {
+        text += &format!(" dlc {}", frame.dlc);
+    }
+    text += frame.direction.map_or("", |direction| match direction {
+        Direction::Received => " R",
+        Direction::Sent => " T",
+    });
+    if let Some(length) = frame.original_length {
+        text += &format!(" cut of {length}");
+    }
+    text + &format!("{}±{}", at(frame.start), frame.uncertainty)
 }
 
 fn at(time: Moment) -> String {

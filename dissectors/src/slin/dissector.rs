@@ -239,7 +239,7 @@ impl Dissector for Slin {
                 }
             }
             // Levels are decoded before they come here.
-            Event::Levels(_) => {}
+            Event::Levels(_) | Event::Frames(_) => {}
         }
     }
 

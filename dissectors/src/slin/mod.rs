@@ -28,9 +28,8 @@ pub mod word;
 pub use dissector::Slin;
 pub use profile::{ChecksumChoice, Profile, Settings};
 
-use crate::protocol::{Dissector, Protocol, Settings as AllSettings, Speaks};
-use crate::record::{BusInfo, Output, Record, Sink};
-use crate::uart::{Character, Wire};
+use crate::protocol::{Beginning, Dissector, Medium, Protocol, Speaks};
+use crate::record::{Output, Record, Sink};
 use alloc::{boxed::Box, format, string::String};
 
 /// SLIN in the list of protocols.
@@ -40,12 +39,14 @@ pub static PROTOCOL: Protocol = Protocol {
     kinds: &telegram::KINDS,
     fields: telegram::FIELDS,
     codes: &codes::CODES,
+    medium: Medium::Serial,
     speaks,
     dissector: |wire, settings| Box::new(Slin::new(wire, settings)),
 };
 
 /// Reads the first characters as SLIN and looks how much of them makes sense.
-fn speaks(bus: &BusInfo, characters: &[Character], wire: Wire, settings: &AllSettings) -> Speaks {
+fn speaks(beginning: &Beginning<'_>) -> Speaks {
+    let Beginning { bus, wire, characters, settings, .. } = *beginning;
     struct Nobody;
     impl Sink for Nobody {
         fn record(&mut self, _: &Record<'_>) {}

@@ -4,7 +4,7 @@ use super::{Character, FRAMING, Parity, Setup, Wire};
 use crate::event::{Event, Moment};
 use crate::field::{FieldId, Kind, Value, fields};
 use crate::finding::Finding;
-use crate::protocol::{Conclusion, Dissector, Protocol, Speaks};
+use crate::protocol::{Conclusion, Dissector, Medium, Protocol, Speaks};
 use crate::record::{BusInfo, Layer, Output, Record};
 use alloc::{boxed::Box, string::String, vec::Vec};
 use core::fmt;
@@ -16,7 +16,8 @@ pub static PROTOCOL: Protocol = Protocol {
     kinds: &[CHARACTER, "break", "lost", "event"],
     fields: FIELDS,
     codes: &super::CODES,
-    speaks: |_, _, _, _| Speaks::Yes(String::from("nothing speaks for another protocol")),
+    medium: Medium::Serial,
+    speaks: |_| Speaks::Yes(String::from("nothing speaks for another protocol")),
     dissector: |wire, _| Box::new(Uart::new(wire)),
 };
 
@@ -123,7 +124,7 @@ impl Dissector for Uart {
             Event::Lost(loss) => {
                 out.emit(blank.of_loss(loss));
             }
-            Event::Advance(_) | Event::Levels(_) => {}
+            Event::Advance(_) | Event::Levels(_) | Event::Frames(_) => {}
         }
     }
 

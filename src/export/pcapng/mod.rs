@@ -1,13 +1,12 @@
-//! pcapng with serial characters: what Wireshark reads, our sentences and findings as comments.
-//!
-//! Characters travel as LINKTYPE_RTAC_SERIAL: a 12-byte header (seconds, microseconds, event, line
-//! state, all big-endian) and the bytes. A block is a run of good characters that follow each
-//! other; a bad character is a block of its own. The block's stamp, in ns, is the first start bit.
+//! pcapng: what Wireshark reads, our sentences and findings as comments.
+
+mod can;
+mod serial;
 
 use super::Export;
-use dissectors::event::{Break, LossCause, Moment};
+use dissectors::event::{Break, Moment};
+use dissectors::protocol::Medium;
 use dissectors::record::{BusInfo, Heard, Record, Sink};
-use dissectors::uart::{Character, Parity, Wire};
 use pcap_file::DataLink;
 use pcap_file::pcapng::PcapNgWriter;
 use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPacketOption};
@@ -23,14 +22,6 @@ use std::borrow::Cow;
 use std::error::Error;
 use std::io::{self, Write};
 use std::time::Duration;
-
-/// Events of the RTAC header.
-const DATA: u8 = 0x02;
-const LOST: u8 = 0x05;
-const FRAMING_ERROR: u8 = 0x07;
-const PARITY_ERROR: u8 = 0x08;
-const BREAK: u8 = 0x09;
-const OVERFLOW: u8 = 0x0A;
 
 /// Longest comment that an option can hold.
 const LONGEST_COMMENT: usize = 65_535;
@@ -51,6 +42,18 @@ struct Interface {
     last: Moment,
     /// Comments of events, for the next block.
     pending: Vec<String>,
+    /// Frames lost before the next block.
+    dropped: u64,
+}
+
+/// What is told of one block besides its bytes.
+struct Block {
+    start: Moment,
+    /// When the last of it began.
+    last: Moment,
+    comments: Vec<String>,
+    /// Direction and more, as the format defines them.
+    flags: Option<u32>,
 }
 
 impl<W: Write> PcapNg<W> {
@@ -79,22 +82,38 @@ impl<W: Write> PcapNg<W> {
             Some(interface) => interface,
             None => self.begin_interface(record)?,
         };
-        let comments = comments(record);
+        let mut comments = comments(record);
         match record.heard {
             Heard::Nothing => self.interfaces[interface].pending.extend(comments),
             Heard::Characters(characters) => {
-                self.write_characters(interface, characters, record.wire, comments)?;
+                for run in serial::runs(characters, record.wire) {
+                    let last = run.last().map_or(Moment::UNKNOWN, |character| character.start);
+                    let comments = std::mem::take(&mut comments);
+                    let block = Block { start: run[0].start, last, comments, flags: None };
+                    serial::compose(run, &mut self.data);
+                    self.write_block(interface, block)?;
+                }
+            }
+            Heard::Frame(frame) => {
+                let flags = can::flags(frame);
+                let block = Block { start: frame.start, last: frame.start, comments, flags };
+                can::compose(frame, &mut self.data);
+                self.write_block(interface, block)?;
             }
             Heard::Break(Break { start, .. }) => {
-                self.write_block(interface, start, start, BREAK, &[], comments, None)?;
+                serial::compose_event(start, serial::BREAK, &mut self.data);
+                self.write_block(interface, Block { start, last: start, comments, flags: None })?;
             }
             Heard::Lost(loss) => {
-                let event = match loss.cause {
-                    LossCause::Capture => LOST,
-                    LossCause::Overrun => OVERFLOW,
-                };
-                let count = Some(loss.count.unwrap_or(0));
-                self.write_block(interface, loss.start, loss.start, event, &[], comments, count)?;
+                self.interfaces[interface].dropped += loss.count.unwrap_or(0);
+                if record.protocol.medium == Medium::Can {
+                    self.interfaces[interface].pending.extend(comments);
+                } else {
+                    let start = loss.start;
+                    serial::compose_event(start, serial::event_of(loss.cause), &mut self.data);
+                    let block = Block { start, last: start, comments, flags: None };
+                    self.write_block(interface, block)?;
+                }
             }
         }
         Ok(())
@@ -106,29 +125,16 @@ impl<W: Write> PcapNg<W> {
 
     fn begin_interface(&mut self, record: &Record<'_>) -> io::Result<usize> {
         let (bus, wire) = (record.bus, record.wire);
-        if wire.format().data_bits() > 8 {
-            let what = format!(
-                "{} has {} data bits a character, and serial pcapng holds eight: write CSV or JSON",
-                bus.name,
-                wire.format().data_bits()
-            );
-            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
-        }
         let Some(clock) = bus.clock.filter(|_| record.start.is_known()) else {
             let what = "the source has no times, and pcapng needs them: write CSV or JSON";
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
         };
-        let parity = match record.characters().first().map(Character::parity) {
-            Some(Parity::Unknown | Parity::None) => "none",
-            Some(Parity::Suspect) => "packet",
-            _ => "character",
+        let (linktype, note) = match record.protocol.medium {
+            Medium::Serial => (DataLink::RTAC_SERIAL, serial::note(record)?),
+            Medium::Can => (DataLink::CAN_SOCKETCAN, String::new()),
         };
-        let comment = format!(
-            "fieldtap-tap: clock={} pm_ns={} parity={parity} format={}",
-            clock.name(),
-            record.uncertainty,
-            wire.format()
-        );
+        let (clock, pm) = (clock.name(), record.uncertainty);
+        let comment = format!("fieldtap-tap: clock={clock} pm_ns={pm}{note}");
         let mut options = vec![
             InterfaceDescriptionOption::IfName(Cow::Borrowed(bus.name.as_str())),
             InterfaceDescriptionOption::IfTsResol(InterfaceTsResolution::NANO),
@@ -137,53 +143,20 @@ impl<W: Write> PcapNg<W> {
         if let Some(baud) = wire.baud() {
             options.push(InterfaceDescriptionOption::IfSpeed(u64::from(baud.get())));
         }
-        let block =
-            InterfaceDescriptionBlock { linktype: DataLink::RTAC_SERIAL, snaplen: 0, options };
+        let block = InterfaceDescriptionBlock { linktype, snaplen: 0, options };
         self.writer.write_pcapng_block(block).map_err(io_error)?;
         self.interfaces.push(Interface {
             name: bus.name.clone(),
             last: record.start,
             pending: Vec::new(),
+            dropped: 0,
         });
         Ok(self.interfaces.len() - 1)
     }
 
-    /// Characters in runs, the comments on the first.
-    fn write_characters(
-        &mut self,
-        interface: usize,
-        characters: &[Character],
-        wire: Wire,
-        mut comments: Vec<String>,
-    ) -> io::Result<()> {
-        let mut rest = characters;
-        while let Some(first) = rest.first() {
-            let (run, behind) = rest.split_at(length_of_run(rest, wire));
-            let event = match (first.has_framing_error(), first.parity()) {
-                (true, _) => FRAMING_ERROR,
-                (false, Parity::Error | Parity::Suspect) => PARITY_ERROR,
-                (false, _) => DATA,
-            };
-            let bytes: Vec<u8> = run.iter().map(Character::byte).collect();
-            let last = run.last().unwrap_or(first).start;
-            let comments = std::mem::take(&mut comments);
-            self.write_block(interface, first.start, last, event, &bytes, comments, None)?;
-            rest = behind;
-        }
-        Ok(())
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "they are the parts of a block")]
-    fn write_block(
-        &mut self,
-        interface: usize,
-        start: Moment,
-        last: Moment,
-        event: u8,
-        bytes: &[u8],
-        comments: Vec<String>,
-        dropped: Option<u64>,
-    ) -> io::Result<()> {
+    /// Writes a block with the bytes that were composed.
+    fn write_block(&mut self, interface: usize, block: Block) -> io::Result<()> {
+        let Block { start, last, comments, flags } = block;
         let at = &mut self.interfaces[interface];
         at.last = last;
         let is_due =
@@ -196,17 +169,12 @@ impl<W: Write> PcapNg<W> {
                 EnhancedPacketOption::Common(CommonOption::Comment(Cow::Owned(clamped(text))))
             })
             .collect();
-        options.extend(dropped.filter(|count| *count > 0).map(EnhancedPacketOption::DropCount));
-        let stamp = duration(start);
-        self.data.clear();
-        let seconds = u32::try_from(stamp.as_secs()).unwrap_or(u32::MAX);
-        self.data.extend_from_slice(&seconds.to_be_bytes());
-        self.data.extend_from_slice(&stamp.subsec_micros().to_be_bytes());
-        self.data.extend_from_slice(&[event, 0, 0, 0]);
-        self.data.extend_from_slice(bytes);
+        options.extend(flags.map(EnhancedPacketOption::Flags));
+        let dropped = std::mem::take(&mut at.dropped);
+        options.extend((dropped > 0).then_some(EnhancedPacketOption::DropCount(dropped)));
         let block = EnhancedPacketBlock {
             interface_id: u32::try_from(interface).unwrap_or(u32::MAX),
-            timestamp: stamp,
+            timestamp: duration(start),
             original_len: u32::try_from(self.data.len()).unwrap_or(u32::MAX),
             data: Cow::Borrowed(&self.data),
             options,
@@ -258,23 +226,6 @@ impl<W: Write> Export for PcapNg<W> {
     fn flush(&mut self) -> io::Result<()> {
         self.writer.get_mut().flush()
     }
-}
-
-/// How many characters from the first on can be told by one stamp: good ones that follow each
-/// other at the frame's length, within the stamp's ± and half a bit.
-fn length_of_run(characters: &[Character], wire: Wire) -> usize {
-    let [first, others @ ..] = characters else { return 0 };
-    let is_plain =
-        |character: &Character| !character.is_damaged() && character.parity() != Parity::Suspect;
-    let (Some(baud), true) = (wire.baud(), is_plain(first)) else { return 1 };
-    let half_bit = baud.bits_ns(1).cast_signed() / 2;
-    let off_by = i64::from(first.uncertainty).min(half_bit);
-    let follows = |(index, character): &(u32, &Character)| {
-        let rebuilt = baud.bits_ns(wire.format().bits() * (index + 1)).cast_signed();
-        let start = character.start.since(first.start);
-        is_plain(character) && start.is_some_and(|start| (start - rebuilt).abs() <= off_by)
-    };
-    1 + (0..).zip(others).take_while(follows).count()
 }
 
 /// The record's sentence and findings. A String takes any text.

@@ -1,0 +1,22 @@
+//! CAN frames: what was on the wire, how long it took, and what was wrong with it.
+
+mod codes;
+mod dissector;
+mod errors;
+mod frame;
+mod length;
+mod load;
+mod rate;
+mod watch;
+
+pub use codes::{
+    BUS_OFF, CODES, CRC, DROPPED, ERROR_FRAME, FORM, HIGH_LOAD, NOT_ACKNOWLEDGED, OVERLOAD, STUFF,
+    TRUNCATED, WRONG_BITRATE,
+};
+pub use dissector::{FIELDS, FrameFields, PROTOCOL};
+pub use errors::{ErrorClasses, ErrorDetail};
+pub use frame::{Direction, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
+pub use length::checksum;
+pub use load::Load;
+pub(crate) use rate::bitrate_from_spacing;
+pub use watch::Watch;

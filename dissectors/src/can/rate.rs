@@ -1,0 +1,61 @@
+//! The bit rate of a bus, found from how closely its frames follow each other.
+
+use super::Frame;
+use crate::uart::Baud;
+use alloc::{format, string::String, vec::Vec};
+
+/// Rates worth trying: those of DeviceNet, then those that CAN is otherwise run at.
+const RATES: [u32; 8] = [500_000, 250_000, 125_000, 1_000_000, 800_000, 100_000, 50_000, 20_000];
+
+/// How far a spacing may be off a rate's, in percent.
+const TOLERANCE: i64 = 3;
+
+/// Frames that must follow the one before without a pause.
+const ENOUGH: usize = 4;
+
+/// The rate at which frames follow each other without a pause, with the evidence. Stamps are those
+/// of the frames' starts or ends, whichever: then the frame before or this one fills the spacing.
+/// `None` where too few do, or the clock is too coarse to tell.
+pub(crate) fn bitrate_from_spacing(frames: &[Frame]) -> Option<(Baud, String)> {
+    let spacings: Vec<(i64, i64)> = frames
+        .windows(2)
+        .filter_map(|pair| {
+            let ns = pair[1].start.since(pair[0].start).filter(|ns| *ns > 0)?;
+            let [before, this] = [&pair[0], &pair[1]].map(|frame| frame.bits().map(i64::from));
+            Some((ns, before?.min(this?)))
+        })
+        .collect();
+    let is_near = |ns: i64, target: i64| (ns - target).abs() * 100 <= target * TOLERANCE;
+    let fits = |rate: &u32| {
+        let baud = Baud::new(*rate)?;
+        let target = |bits: i64| baud.bits_ns(bits as u32).cast_signed();
+        let close = spacings.iter().filter(|(ns, bits)| is_near(*ns, target(*bits))).count();
+        let impossible =
+            spacings.iter().filter(|(ns, bits)| *ns * 100 < target(*bits) * (100 - TOLERANCE));
+        (close >= ENOUGH && impossible.count() * 20 <= close).then_some((baud, close))
+    };
+    let (baud, close) = RATES.iter().filter_map(fits).max_by_key(|(_, close)| *close)?;
+    let all = spacings.len();
+    Some((baud, format!("{close} of {all} frames follow the one before without a pause")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Identifier;
+    use super::*;
+    use crate::event::Moment;
+
+    #[test]
+    fn frames_without_a_pause_tell_the_rate() {
+        // 42D without data takes 48 bits with the intermission: 384 µs at 125 kbit/s.
+        for (bit_ns, rate) in [(8_000, Some(125_000)), (2_000, Some(500_000)), (2_700, None)] {
+            let frames: Vec<Frame> = (0..8)
+                .map(|n| {
+                    let start = Moment::from_ns(n * 48 * bit_ns + i64::from(n == 7) * 1_000_000);
+                    Frame::data(start, 1_000, Identifier::Standard(0x42D), &[])
+                })
+                .collect();
+            assert_eq!(bitrate_from_spacing(&frames).map(|(baud, _)| baud.get()), rate);
+        }
+    }
+}

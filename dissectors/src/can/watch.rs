@@ -1,0 +1,150 @@
+//! What is judged of every frame, whatever protocol it carries.
+
+use super::{ErrorClasses, ErrorDetail, Frame, FrameKind, Load, codes};
+use crate::event::Moment;
+use crate::finding::Finding;
+use crate::uart::Wire;
+use alloc::vec::Vec;
+
+/// A bus is highly loaded above this, in permille, and no more below the other.
+const HIGH: u16 = 800;
+const NO_LONGER_HIGH: u16 = 700;
+
+/// The same frame so often without a pause was not acknowledged: a controller sends it again at
+/// once, for ever.
+const REPEATS: u32 = 8;
+
+/// Repeats follow within this where the rate is not known, in ns: a frame of 135 bits at 125 kbit/s.
+const LONGEST_FRAME_NS: i64 = 1_080_000;
+
+/// So many error frames, and not one good frame, mean that the tap listens at another rate.
+const ERRORS_ALONE: u32 = 16;
+
+/// Looks at every frame of a bus.
+pub struct Watch {
+    wire: Wire,
+    load: Load,
+    is_loaded: bool,
+    last: Option<Frame>,
+    repeats: u32,
+    errors_alone: u32,
+    has_good: bool,
+}
+
+impl Watch {
+    /// Of a bus on which nothing was heard yet.
+    #[must_use]
+    pub const fn new(wire: Wire) -> Self {
+        Watch {
+            wire,
+            load: Load::new(),
+            is_loaded: false,
+            last: None,
+            repeats: 0,
+            errors_alone: 0,
+            has_good: false,
+        }
+    }
+
+    /// How busy the bus was.
+    #[must_use]
+    pub const fn load(&self) -> &Load {
+        &self.load
+    }
+
+    /// Whether the frame that was heard last is sent over and over for want of an acknowledge.
+    #[must_use]
+    pub const fn is_repeating(&self) -> bool {
+        self.repeats > 0
+    }
+
+    /// Takes the next frame and adds what is wrong with it. Returns its bits on the wire, if known.
+    pub fn hear(&mut self, frame: &Frame, findings: &mut Vec<Finding>) -> Option<u16> {
+        self.judge_errors(frame, findings);
+        if frame.is_cut() {
+            let had = frame.original_length.unwrap_or(u32::from(frame.dlc));
+            let finding = Finding::new(&codes::TRUNCATED).expected(i64::from(had));
+            findings.push(finding.actual(frame.bytes().len() as i64));
+        }
+        if frame.crc == Some(false) {
+            findings.push(Finding::new(&codes::CRC));
+        }
+        let bits = frame.bits();
+        self.judge_repeats(frame, bits, findings);
+        if let (Some(bits), Some(rate)) = (bits, self.wire.baud()) {
+            let load = self.load.add(frame.start, bits, rate);
+            findings.extend(load.and_then(|load| self.judge_load(load)));
+        }
+        bits
+    }
+
+    fn judge_errors(&mut self, frame: &Frame, findings: &mut Vec<Finding>) {
+        if frame.kind != FrameKind::Error {
+            self.has_good |= frame.crc != Some(false);
+            return;
+        }
+        findings.push(Finding::new(&codes::ERROR_FRAME));
+        let classes = ErrorClasses::of(frame);
+        let detail = ErrorDetail::of(frame);
+        let has = |is_it: fn(&ErrorDetail) -> bool| detail.as_ref().is_some_and(is_it);
+        for (is_so, code) in [
+            (classes.is_bus_off(), &codes::BUS_OFF),
+            (classes.is_not_acknowledged(), &codes::NOT_ACKNOWLEDGED),
+            (has(ErrorDetail::is_overrun), &codes::DROPPED),
+            (has(ErrorDetail::is_overload), &codes::OVERLOAD),
+            (has(ErrorDetail::is_stuff), &codes::STUFF),
+            (has(ErrorDetail::is_form), &codes::FORM),
+            (has(ErrorDetail::is_crc), &codes::CRC),
+        ] {
+            if is_so {
+                findings.push(Finding::new(code));
+            }
+        }
+        if !self.has_good {
+            self.errors_alone += 1;
+            if self.errors_alone == ERRORS_ALONE {
+                let count = i64::from(ERRORS_ALONE);
+                findings.push(Finding::new(&codes::WRONG_BITRATE).actual(count));
+            }
+        }
+    }
+
+    fn judge_repeats(&mut self, frame: &Frame, bits: Option<u16>, findings: &mut Vec<Finding>) {
+        let is_repeat = self.last.as_ref().is_some_and(|last| {
+            let same = (last.kind, last.id, last.dlc) == (frame.kind, frame.id, frame.dlc)
+                && frame.kind == FrameKind::Data
+                && last.bytes() == frame.bytes();
+            let longest = match (bits, self.wire.baud()) {
+                // And a little for the delimiter and the intermission after an error.
+                (Some(bits), Some(rate)) => rate.bits_ns(u32::from(bits) * 3 / 2).cast_signed(),
+                _ => LONGEST_FRAME_NS,
+            };
+            same && frame.start.since(last.start).is_some_and(|ns| (1..=longest).contains(&ns))
+        });
+        self.repeats = if is_repeat { self.repeats.saturating_add(1) } else { 0 };
+        self.last = Some(*frame);
+        if self.repeats == REPEATS {
+            let finding = Finding::new(&codes::NOT_ACKNOWLEDGED);
+            findings.push(finding.actual(i64::from(REPEATS)));
+        }
+    }
+
+    fn judge_load(&mut self, load: u16) -> Option<Finding> {
+        let was_loaded = self.is_loaded;
+        self.is_loaded = load > if was_loaded { NO_LONGER_HIGH } else { HIGH };
+        let finding = Finding::new(&codes::HIGH_LOAD);
+        (self.is_loaded && !was_loaded)
+            .then(|| finding.actual(i64::from(load)).limit(i64::from(HIGH)))
+    }
+
+    /// What was lost may have been anything.
+    pub fn lose(&mut self) {
+        (self.last, self.repeats) = (None, 0);
+    }
+
+    /// When the last frame was heard.
+    #[must_use]
+    pub fn last_heard(&self) -> Moment {
+        self.last.map_or(Moment::UNKNOWN, |frame| frame.start)
+    }
+}

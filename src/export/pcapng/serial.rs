@@ -1,0 +1,98 @@
+//! Characters in pcapng: LINKTYPE_RTAC_SERIAL.
+//!
+//! A 12-byte header (seconds, microseconds, event, line state, all big-endian) and the bytes. A
+//! block is a run of good characters that follow each other; a bad character is a block of its own.
+//! The block's stamp, in ns, is the first start bit.
+
+use super::duration;
+use dissectors::event::{LossCause, Moment};
+use dissectors::record::Record;
+use dissectors::uart::{Character, Parity, Wire};
+use std::io;
+
+/// Events of the RTAC header.
+const DATA: u8 = 0x02;
+const LOST: u8 = 0x05;
+const FRAMING_ERROR: u8 = 0x07;
+const PARITY_ERROR: u8 = 0x08;
+/// A break.
+pub const BREAK: u8 = 0x09;
+const OVERFLOW: u8 = 0x0A;
+
+/// What the interface's comment says of the characters.
+///
+/// # Errors
+/// They do not fit into this form.
+pub fn note(record: &Record<'_>) -> io::Result<String> {
+    let format = record.wire.format();
+    if format.data_bits() > 8 {
+        let what = format!(
+            "{} has {} data bits a character, and serial pcapng holds eight: write CSV or JSON",
+            record.bus.name,
+            format.data_bits()
+        );
+        return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+    }
+    let parity = match record.characters().first().map(Character::parity) {
+        Some(Parity::Unknown | Parity::None) => "none",
+        Some(Parity::Suspect) => "packet",
+        _ => "character",
+    };
+    Ok(format!(" parity={parity} format={format}"))
+}
+
+/// The bytes of a block with a run of characters.
+pub fn compose(run: &[Character], data: &mut Vec<u8>) {
+    let Some(first) = run.first() else { return };
+    let event = match (first.has_framing_error(), first.parity()) {
+        (true, _) => FRAMING_ERROR,
+        (false, Parity::Error | Parity::Suspect) => PARITY_ERROR,
+        (false, _) => DATA,
+    };
+    compose_event(first.start, event, data);
+    data.extend(run.iter().map(Character::byte));
+}
+
+/// The bytes of a block without characters.
+pub fn compose_event(start: Moment, event: u8, data: &mut Vec<u8>) {
+    let stamp = duration(start);
+    let seconds = u32::try_from(stamp.as_secs()).unwrap_or(u32::MAX);
+    data.clear();
+    data.extend_from_slice(&seconds.to_be_bytes());
+    data.extend_from_slice(&stamp.subsec_micros().to_be_bytes());
+    data.extend_from_slice(&[event, 0, 0, 0]);
+}
+
+/// The event that tells of a loss.
+pub const fn event_of(cause: LossCause) -> u8 {
+    match cause {
+        LossCause::Capture => LOST,
+        LossCause::Overrun => OVERFLOW,
+    }
+}
+
+/// Characters divided into the runs that a block each can hold.
+pub fn runs(mut rest: &[Character], wire: Wire) -> impl Iterator<Item = &[Character]> {
+    std::iter::from_fn(move || {
+        let (run, behind) = rest.split_at(length_of_run(rest, wire));
+        rest = behind;
+        (!run.is_empty()).then_some(run)
+    })
+}
+
+/// How many characters from the first on can be told by one stamp: good ones that follow each
+/// other at the frame's length, within the stamp's ± and half a bit.
+fn length_of_run(characters: &[Character], wire: Wire) -> usize {
+    let [first, others @ ..] = characters else { return 0 };
+    let is_plain =
+        |character: &Character| !character.is_damaged() && character.parity() != Parity::Suspect;
+    let (Some(baud), true) = (wire.baud(), is_plain(first)) else { return 1 };
+    let half_bit = baud.bits_ns(1).cast_signed() / 2;
+    let off_by = i64::from(first.uncertainty).min(half_bit);
+    let follows = |(index, character): &(u32, &Character)| {
+        let rebuilt = baud.bits_ns(wire.format().bits() * (index + 1)).cast_signed();
+        let start = character.start.since(first.start);
+        is_plain(character) && start.is_some_and(|start| (start - rebuilt).abs() <= off_by)
+    };
+    1 + (0..).zip(others).take_while(follows).count()
+}
