@@ -16,4 +16,5 @@ mod simulate;
 pub mod source;
 pub mod stations;
 pub mod tally;
+pub mod terminal;
 pub mod verdict;

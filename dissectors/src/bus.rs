@@ -151,6 +151,15 @@ impl Bus {
         }
     }
 
+    /// Another capture of the same bus begins. Its line levels are counted from another tick on.
+    pub fn go_on(&mut self, facts: WireFacts, out: &mut Output<'_>) {
+        let Bus { line, decoder, .. } = self;
+        if let (Some(line), Some(sampling)) = (line, facts.sampling) {
+            line.end(&mut |wire, event| decoder.hear(wire, event, out));
+            line.go_on(sampling);
+        }
+    }
+
     /// The capture ended at `end`, if that is known.
     pub fn finish(&mut self, end: Moment, out: &mut Output<'_>) {
         let Bus { line, decoder, given } = self;

@@ -140,13 +140,17 @@ impl Decoder {
         let mut rest: &[Character] = &[];
         let now = match event {
             Event::Characters(characters) => {
-                let room = HELD_CHARACTERS.saturating_sub(held.len());
-                let (fitting, beyond) = characters.split_at(room.min(characters.len()));
-                held.extend(fitting.iter().copied().map(Held::Character));
-                rest = beyond;
                 if !since.is_known() {
                     *since = characters.first().map_or(Moment::UNKNOWN, |first| first.start);
                 }
+                // What comes later tells nothing, be it in the same batch or not.
+                let limit = since.plus(HELD_NS);
+                let is_in_time = |character: &&Character| !character.start.is_after(limit);
+                let room = HELD_CHARACTERS.saturating_sub(held.len());
+                let fitting = characters.iter().take(room).take_while(is_in_time).count();
+                let (fitting, beyond) = characters.split_at(fitting);
+                held.extend(fitting.iter().copied().map(Held::Character));
+                rest = beyond;
                 characters.last().map_or(Moment::UNKNOWN, |last| last.start)
             }
             Event::Break(event) => {

@@ -3,6 +3,7 @@
 use crate::cli::Decoding;
 use crate::decode::{FAILED, USAGE, decode, settings};
 use crate::export::{Chars, Columns, Csv, Export, Json, PcapNg};
+use crate::say;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
@@ -67,7 +68,7 @@ impl Form {
 /// Writes it.
 pub fn run(arguments: &Arguments) -> ExitCode {
     let Some(form) = arguments.output_format.or_else(|| Form::of(&arguments.output)) else {
-        eprintln!(
+        say!(
             "fieldtap: {}: the ending names no form that can be written (.pcapng, .chars, .csv, \
              .json): say it with --output-format",
             arguments.output.display()
@@ -77,7 +78,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match convert(arguments, form) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             ExitCode::from(FAILED)
         }
     }
@@ -87,7 +88,7 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
     let settings = match settings(&arguments.decoding) {
         Ok(settings) => settings,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             return Ok(ExitCode::from(USAGE));
         }
     };
@@ -102,7 +103,7 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
     // Nobody ever sees half a file under its name.
     let failed = || format!("{}: cannot be written", output.display());
     let directory = output.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let file = NamedTempFile::new_in(directory.unwrap_or(Path::new("."))).with_context(failed)?;
+    let file = new_file(directory.unwrap_or(Path::new("."))).with_context(failed)?;
     let mut export = form.export(BufWriter::new(file.as_file())).with_context(failed)?;
     let outcome = decode(&arguments.decoding, sources, settings, &mut *export);
     drop(export);
@@ -111,4 +112,12 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
     }
     outcome.report();
     Ok(outcome.exit_code())
+}
+
+/// A file without a name yet, which others may read as far as the user's mask allows.
+fn new_file(directory: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(directory)
 }

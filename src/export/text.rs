@@ -2,7 +2,9 @@
 
 use super::Export;
 use crate::clock::{Clock, Exact};
+use crate::terminal::push_clean;
 use anstyle::{AnsiColor, Style};
+use dissectors::event::Moment;
 use dissectors::finding::Severity;
 use dissectors::record::{Record, Sink};
 use dissectors::uart::{Character, Parity};
@@ -146,6 +148,10 @@ impl<W: Write> Sink for Text<W> {
 }
 
 impl<W: Write> Export for Text<W> {
+    fn begin(&mut self, time: Moment) {
+        self.clock.begin(time);
+    }
+
     fn status(&mut self) -> io::Result<()> {
         std::mem::replace(&mut self.result, Ok(()))
     }
@@ -204,11 +210,6 @@ const fn style(severity: Severity) -> Style {
         Severity::Warning => AnsiColor::Yellow.on_default(),
         Severity::Info => AnsiColor::Cyan.on_default(),
     }
-}
-
-/// Names come from outside: what would steer a terminal is shown as a dot.
-fn push_clean(text: &mut String, from: &str) {
-    text.extend(from.chars().map(|c| if c.is_control() { '·' } else { c }));
 }
 
 /// Leaves at most so many columns, the last one a mark where something is left out.
