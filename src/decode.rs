@@ -52,9 +52,14 @@ impl Outcome {
         self.output.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// Whether the output is whole, as far as the source was.
+    /// Whether the output could be written, as far as the source went.
     pub fn has_written(&self) -> bool {
         self.output.is_ok()
+    }
+
+    /// Whether the source was read to its end, and all of it was written.
+    pub fn is_whole(&self) -> bool {
+        self.has_written() && self.error.is_none() && !self.is_interrupted
     }
 
     /// The four lines that sum it up.

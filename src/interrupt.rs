@@ -7,10 +7,17 @@ use std::sync::{Arc, OnceLock};
 /// Signals come to the process as a whole.
 static CAME: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// Catches SIGINT and SIGTERM from here on. A second one ends the program with this status.
+/// Those that end a run: Ctrl-C, `kill`, and a terminal that is closed.
+#[cfg(unix)]
+const SIGNALS: [i32; 3] =
+    [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP];
+#[cfg(not(unix))]
+const SIGNALS: [i32; 2] = [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM];
+
+/// Catches the signals that end a run from here on. A second one ends the program with this status.
 pub fn catch(status: u8) {
     let came = CAME.get_or_init(Arc::default);
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in SIGNALS {
         // Where signals cannot be caught, they end the run without last lines.
         let second = Arc::clone(came);
         let _ = signal_hook::flag::register_conditional_shutdown(signal, i32::from(status), second)

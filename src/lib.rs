@@ -11,6 +11,7 @@ pub mod commands;
 pub mod decode;
 pub mod export;
 pub mod interrupt;
+pub mod output;
 pub mod pipeline;
 mod simulate;
 pub mod source;

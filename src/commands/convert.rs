@@ -3,14 +3,13 @@
 use crate::cli::Decoding;
 use crate::decode::{FAILED, USAGE, decode, settings};
 use crate::export::{Chars, Columns, Csv, Export, Json, PcapNg};
+use crate::output::Output;
 use crate::say;
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use tempfile::NamedTempFile;
 
 /// From where, to where.
 #[derive(Args, Debug)]
@@ -100,24 +99,18 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
         outcome.report();
         return Ok(outcome.exit_code());
     }
-    // Nobody ever sees half a file under its name.
-    let failed = || format!("{}: cannot be written", output.display());
-    let directory = output.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let file = new_file(directory.unwrap_or(Path::new("."))).with_context(failed)?;
-    let mut export = form.export(BufWriter::new(file.as_file())).with_context(failed)?;
+    let file = Output::create(output)?;
+    let mut export = form.export(BufWriter::new(file.file()))?;
     let outcome = decode(&arguments.decoding, sources, settings, &mut *export);
     drop(export);
-    if outcome.has_written() {
-        file.persist(output).with_context(failed)?;
+    if outcome.is_whole() {
+        file.replace()?;
+    } else if outcome.has_written()
+        && outcome.pipeline.records() > 0
+        && !file.keep_unless_there()?
+    {
+        say!("fieldtap: {}: left as it was, for this is not all of the source", output.display());
     }
     outcome.report();
     Ok(outcome.exit_code())
-}
-
-/// A file without a name yet, which others may read as far as the user's mask allows.
-fn new_file(directory: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(directory)
 }
