@@ -30,24 +30,18 @@ pub fn came() -> bool {
     CAME.get().is_some_and(|came| came.load(Ordering::Relaxed))
 }
 
-/// Standard input, which ends when the user interrupts, even while nothing comes.
-pub struct Stdin(io::Stdin);
-
-impl Default for Stdin {
-    fn default() -> Self {
-        Stdin(io::stdin())
-    }
-}
+/// Standard input, a pipe or a device: it ends when the user interrupts, even while nothing comes.
+pub struct Live<F>(pub F);
 
 #[cfg(unix)]
-impl Read for Stdin {
+impl<F: std::os::fd::AsFd> Read for Live<F> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         use rustix::event::{PollFd, PollFlags, Timespec, poll};
         // A signal ends the wait at once; the time is for one that comes just before it.
         let wait = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
         while !came() {
-            let mut stdin = [PollFd::new(&self.0, PollFlags::IN)];
-            match poll(&mut stdin, Some(&wait)) {
+            let mut waiting = [PollFd::new(&self.0, PollFlags::IN)];
+            match poll(&mut waiting, Some(&wait)) {
                 Ok(0) | Err(rustix::io::Errno::INTR) => {}
                 // Data, the end, or an error: all of them are for read to tell. Not that of the
                 // standard library, whose buffer would hold back what poll waits for.
@@ -59,7 +53,7 @@ impl Read for Stdin {
 }
 
 #[cfg(not(unix))]
-impl Read for Stdin {
+impl<F: Read> Read for Live<F> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.0.read(buffer)
     }

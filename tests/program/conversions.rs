@@ -147,9 +147,8 @@ fn links_and_permissions_stay_as_they_are() {
     use std::os::unix::fs::{PermissionsExt, symlink};
     let scratch = Scratch::new();
     let capture = here("captures/good/tr.chars");
-    let mode = |path: &std::path::Path| {
-        std::fs::metadata(path).expect("it is there").permissions().mode() & 0o777
-    };
+    let mode =
+        |path: &Path| std::fs::metadata(path).expect("it is there").permissions().mode() & 0o777;
     let target = scratch.file("target.csv", "old\n");
     std::fs::set_permissions(&target, PermissionsExt::from_mode(0o640)).expect("it is ours");
     let link = scratch.path("link.csv");
