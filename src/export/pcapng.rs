@@ -7,7 +7,7 @@
 use super::Export;
 use dissectors::event::{Break, LossCause, Moment};
 use dissectors::record::{BusInfo, Heard, Record, Sink};
-use dissectors::uart::{Character, Parity, Wire};
+use dissectors::uart::{Character, Parity, ParityMarks, Wire};
 use pcap_file::DataLink;
 use pcap_file::pcapng::PcapNgWriter;
 use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPacketOption};
@@ -20,6 +20,7 @@ use pcap_file::pcapng::blocks::interface_statistics::{
 use pcap_file::pcapng::blocks::opt_common::CommonOption;
 use pcap_file::pcapng::blocks::section_header::{SectionHeaderBlock, SectionHeaderOption};
 use std::borrow::Cow;
+use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
 use std::io::{self, Write};
 use std::time::Duration;
@@ -32,6 +33,9 @@ const PARITY_ERROR: u8 = 0x08;
 const BREAK: u8 = 0x09;
 const OVERFLOW: u8 = 0x0A;
 
+/// Comments that may wait for a record on their bus.
+const MOST_KEPT: usize = 1024;
+
 /// Longest comment that an option can hold.
 const LONGEST_COMMENT: usize = 65_535;
 
@@ -39,8 +43,8 @@ const LONGEST_COMMENT: usize = 65_535;
 pub struct PcapNg<W: Write> {
     writer: PcapNgWriter<W>,
     interfaces: Vec<Interface>,
-    /// Comments of others: the bus, the time of what they are about, and the text.
-    kept: Vec<(String, Moment, String)>,
+    /// Comments of others by bus: the time of what they are about, and the text.
+    kept: BTreeMap<String, VecDeque<(Moment, String)>>,
     result: io::Result<()>,
     data: Vec<u8>,
 }
@@ -68,7 +72,7 @@ impl<W: Write> PcapNg<W> {
         Ok(PcapNg {
             writer,
             interfaces: Vec::new(),
-            kept: Vec::new(),
+            kept: BTreeMap::new(),
             result: Ok(()),
             data: Vec::new(),
         })
@@ -83,7 +87,8 @@ impl<W: Write> PcapNg<W> {
         match record.heard {
             Heard::Nothing => self.interfaces[interface].pending.extend(comments),
             Heard::Characters(characters) => {
-                self.write_characters(interface, characters, record.wire, comments)?;
+                let facts = (record.wire, record.bus.parity);
+                self.write_characters(interface, characters, facts, comments)?;
             }
             Heard::Break(Break { start, .. }) => {
                 self.write_block(interface, start, start, BREAK, &[], comments, None)?;
@@ -119,9 +124,8 @@ impl<W: Write> PcapNg<W> {
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
         };
         let parity = match record.characters().first().map(Character::parity) {
-            Some(Parity::Unknown | Parity::None) => "none",
-            Some(Parity::Suspect) => "packet",
-            _ => "character",
+            Some(Parity::None) => ParityMarks::None.name(),
+            _ => bus.parity.name(),
         };
         let comment = format!(
             "fieldtap-tap: clock={} pm_ns={} parity={parity} format={}",
@@ -153,9 +157,12 @@ impl<W: Write> PcapNg<W> {
         &mut self,
         interface: usize,
         characters: &[Character],
-        wire: Wire,
+        (wire, parity): (Wire, ParityMarks),
         mut comments: Vec<String>,
     ) -> io::Result<()> {
+        if let Some(what) = contradicts(characters, parity) {
+            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+        }
         let mut rest = characters;
         while let Some(first) = rest.first() {
             let (run, behind) = rest.split_at(length_of_run(rest, wire));
@@ -186,9 +193,15 @@ impl<W: Write> PcapNg<W> {
     ) -> io::Result<()> {
         let at = &mut self.interfaces[interface];
         at.last = last;
-        let is_due =
-            |(bus, time, _): &mut (String, Moment, String)| *bus == at.name && !time.is_after(last);
-        let kept = self.kept.extract_if(.., is_due).map(|(_, _, text)| text);
+        if start.ns().is_some_and(|ns| ns < 0) {
+            let what =
+                "times before the start of 1970, which pcapng does not know: write CSV or JSON";
+            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+        }
+        let kept = self.kept.get_mut(&at.name).into_iter().flat_map(|kept| {
+            std::iter::from_fn(|| kept.pop_front_if(|(time, _)| !time.is_after(last)))
+        });
+        let kept = kept.map(|(_, text)| text);
         let pending: Vec<String> = at.pending.drain(..).collect();
         let all = comments.into_iter().chain(pending).chain(kept);
         let mut options: Vec<EnhancedPacketOption<'_>> = all
@@ -218,7 +231,7 @@ impl<W: Write> PcapNg<W> {
     fn write_end(&mut self, interface: usize, end: Moment) -> io::Result<()> {
         let at = &mut self.interfaces[interface];
         let end = if end.is_known() { end } else { at.last };
-        let kept = self.kept.extract_if(.., |(bus, _, _)| *bus == at.name).map(|(_, _, text)| text);
+        let kept = self.kept.remove(&at.name).into_iter().flatten().map(|(_, text)| text);
         let comments = at.pending.drain(..).chain(kept).map(|text| {
             InterfaceStatisticsOption::Common(CommonOption::Comment(Cow::Owned(clamped(text))))
         });
@@ -242,7 +255,14 @@ impl<W: Write> Sink for PcapNg<W> {
 
 impl<W: Write> Export for PcapNg<W> {
     fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str) {
-        self.kept.push((bus.name.clone(), time, text.to_owned()));
+        let kept = match self.kept.get_mut(&bus.name) {
+            Some(kept) => kept,
+            None => self.kept.entry(bus.name.clone()).or_default(),
+        };
+        // They wait for records that held characters back, which is not long.
+        if kept.len() < MOST_KEPT {
+            kept.push_back((time, text.to_owned()));
+        }
     }
 
     fn end(&mut self, bus: &BusInfo, end: Moment) {
@@ -258,6 +278,20 @@ impl<W: Write> Export for PcapNg<W> {
     fn flush(&mut self) -> io::Result<()> {
         self.writer.get_mut().flush()
     }
+}
+
+/// What characters say that an interface cannot, once it told what is known of parity.
+fn contradicts(characters: &[Character], parity: ParityMarks) -> Option<&'static str> {
+    let mut whole = characters.iter().filter(|character| !character.has_framing_error());
+    let contradicts = whole.any(|character| match character.parity() {
+        Parity::Unknown => parity != ParityMarks::None,
+        Parity::Ok | Parity::Error => parity == ParityMarks::None,
+        Parity::None | Parity::Suspect => false,
+    });
+    contradicts.then_some(
+        "parity is known of some characters and not of others, which serial pcapng cannot hold: \
+         write chars, CSV or JSON",
+    )
 }
 
 /// How many characters from the first on can be told by one stamp: good ones that follow each

@@ -130,7 +130,7 @@ impl Source for Logic {
                     self.buses[channel] = Some(self.announced);
                     self.announced += 1;
                     let name = self.samples.name(channel).to_owned();
-                    let info = BusInfo { name, clock: Some(Clock::Sample) };
+                    let info = BusInfo::new(name, Some(Clock::Sample));
                     let facts = WireFacts { sampling: Some(self.sampling), ..WireFacts::default() };
                     return Ok(Some(Piece::Bus(info, facts)));
                 }

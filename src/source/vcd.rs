@@ -223,7 +223,7 @@ impl Source for Vcd {
                 self.wires[index].bus = Some(self.announced);
                 self.announced += 1;
                 let name = self.wires[index].name.clone();
-                let info = BusInfo { name, clock: Some(Clock::Sample) };
+                let info = BusInfo::new(name, Some(Clock::Sample));
                 let facts = WireFacts { sampling: Some(self.sampling), ..WireFacts::default() };
                 Piece::Bus(info, facts)
             }

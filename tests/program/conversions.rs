@@ -165,3 +165,28 @@ fn links_and_permissions_stay_as_they_are() {
     fieldtap(null).good();
     assert!(!std::fs::metadata("/dev/null").expect("it is there").is_file());
 }
+
+#[test]
+fn what_the_tap_knows_of_parity_is_handed_on() {
+    let scratch = Scratch::new();
+    let capture = std::fs::read(here("captures/slin-parity/parity.pcapng")).expect("it is there");
+    // The note of the interface, said of an adapter that marks whole packets.
+    let (told, packet) = (b"parity=character", b"parity=packet   ");
+    let at = capture.windows(told.len()).position(|part| part == told).expect("it is told");
+    let mut bytes = capture;
+    bytes[at..at + told.len()].copy_from_slice(packet);
+    let first = scratch.file("first.pcapng", bytes);
+    let second = scratch.path("second.pcapng");
+    fieldtap(["convert", argument(&first), argument(&second)]).good();
+    let (first, second) = (records(&first), records(&second));
+    assert!(first.iter().any(|record| record.to_string().contains("suspect")));
+    assert!(first.iter().map(meaning).eq(second.iter().map(meaning)));
+    // Known of some characters only: that has no place there.
+    let text = "time,byte,parity\n0.000000000,83,ok\n0.000345486,1A,unknown\n";
+    let mixed = scratch.file("mixed.chars", text);
+    let run = fieldtap(["convert", argument(&mixed), argument(&scratch.path("mixed.pcapng"))]);
+    assert!(run.status == 3 && run.stderr.contains("parity is known of some"), "{}", run.stderr);
+    let early = scratch.file("early.chars", "time,byte,parity\n-0.010000000,83,ok\n");
+    let run = fieldtap(["convert", argument(&early), argument(&scratch.path("early.pcapng"))]);
+    assert!(run.status == 3 && run.stderr.contains("1970"), "{}", run.stderr);
+}
