@@ -84,7 +84,10 @@ impl Bus {
         let format = settings.line.format.or(facts.format).unwrap_or(Format::FT12);
         let given = Wire::new(settings.line.baud.or(facts.baud), format);
         let can_find_rate = info.clock.is_some() && !facts.spacing_is_assumed;
-        Bus { line, decoder: Decoder::new(info, settings, can_find_rate), given }
+        let doubt = facts.baud.zip(settings.line.baud).and_then(|(told, set)| told.doubt(set));
+        let mut decoder = Decoder::new(info, settings, can_find_rate);
+        doubt.into_iter().for_each(|finding| decoder.note(finding));
+        Bus { line, decoder, given }
     }
 
     /// Name and clock.

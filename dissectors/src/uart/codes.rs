@@ -167,7 +167,7 @@ pub static WRONG_RATE: Code = Code {
     },
     say: |finding, record, out| match (finding.expected, record.wire.baud()) {
         (Some(found), Some(set)) => {
-            write!(out, "read at {set} Bd, but the pulses are those of {found} Bd")
+            write!(out, "read at {set} Bd, but the line runs at {found} Bd")
         }
         _ => write!(
             out,
