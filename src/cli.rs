@@ -1,5 +1,6 @@
 //! The command line, as the user writes it. What it means is decided in `commands`.
 
+use crate::clock::At;
 use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -93,7 +94,7 @@ pub struct Decoding {
     #[arg(long, value_name = "FILE", help_heading = "Bus")]
     pub stations: Option<PathBuf>,
 
-    /// How times are shown.
+    /// How the table shows times.
     #[arg(long, value_name = "STYLE", default_value = "relative", help_heading = "Output")]
     pub time: TimeStyle,
 
@@ -101,15 +102,16 @@ pub struct Decoding {
     #[arg(long, value_name = "WHEN", default_value = "auto", help_heading = "Output")]
     pub color: clap::ColorChoice,
 
-    /// Only records that begin at this time or later: seconds, as the trace shows them.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_hyphen_values = true, help_heading = "Selection")]
-    pub from: Option<i64>,
+    /// Only records that begin at this time or later: seconds, as the trace shows them, or a time
+    /// of day such as 10:41:07 (UTC).
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, help_heading = "Selection")]
+    pub from: Option<At>,
 
     /// Only records that begin before this time.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_hyphen_values = true, help_heading = "Selection")]
-    pub to: Option<i64>,
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, help_heading = "Selection")]
+    pub to: Option<At>,
 
-    /// Stop after so many records.
+    /// Stop after so many records were shown.
     #[arg(long, value_name = "N", help_heading = "Selection")]
     pub count: Option<u64>,
 
@@ -168,7 +170,7 @@ pub enum FailOn {
 /// How times are shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 pub enum TimeStyle {
-    /// Seconds since the first record.
+    /// Seconds since the capture's start; where it has dates, since its first record.
     Relative,
     /// Date and time of day, where the source has them.
     Absolute,
@@ -214,10 +216,6 @@ fn baud(text: &str) -> Result<Baud, String> {
 
 fn format(text: &str) -> Result<Format, String> {
     text.parse().map_err(|error: dissectors::uart::FormatError| error.to_string())
-}
-
-fn seconds(text: &str) -> Result<i64, String> {
-    crate::source::seconds_in_ns(text).ok_or_else(|| "not a time in seconds".to_owned())
 }
 
 fn frequency(text: &str) -> Result<u64, String> {

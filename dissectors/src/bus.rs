@@ -88,7 +88,10 @@ impl Bus {
         let format = settings.line.format.or(facts.format).unwrap_or(Format::FT12);
         let given = Wire::new(settings.line.baud.or(facts.baud), format);
         let can_find_rate = info.clock.is_some() && !facts.spacing_is_assumed;
-        Bus { line, decoder: Decoder::new(info, settings, can_find_rate), given }
+        let doubt = facts.baud.zip(settings.line.baud).and_then(|(told, set)| told.doubt(set));
+        let mut decoder = Decoder::new(info, settings, can_find_rate);
+        doubt.into_iter().for_each(|finding| decoder.note(finding));
+        Bus { line, decoder, given }
     }
 
     /// Name and clock.
@@ -152,6 +155,15 @@ impl Bus {
                 let wire = line.as_ref().and_then(|line| line.wire()).unwrap_or(*given);
                 decoder.hear(wire, event, out);
             }
+        }
+    }
+
+    /// Another capture of the same bus begins. Its line levels are counted from another tick on.
+    pub fn go_on(&mut self, facts: WireFacts, out: &mut Output<'_>) {
+        let Bus { line, decoder, .. } = self;
+        if let (Some(line), Some(sampling)) = (line, facts.sampling) {
+            line.end(&mut |wire, event| decoder.hear(wire, event, out));
+            line.go_on(sampling);
         }
     }
 

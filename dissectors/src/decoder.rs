@@ -143,25 +143,22 @@ impl Decoder {
 
     fn hold(&mut self, wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
         let Stage::Finding { held, since } = &mut self.stage else { return };
-        let room = HELD.saturating_sub(held.len());
         let mut rest = None;
         let now = match event {
             Event::Characters(characters) => {
-                let (fitting, beyond) = characters.split_at(room.min(characters.len()));
+                begin(since, characters.first().map(|first| first.start));
+                let starts = characters.iter().map(|character| character.start);
+                let (fitting, beyond) = characters.split_at(in_time(starts, held.len(), *since));
                 held.extend(fitting.iter().copied().map(Held::Character));
                 rest = Some(Event::Characters(beyond));
-                if !since.is_known() {
-                    *since = characters.first().map_or(Moment::UNKNOWN, |first| first.start);
-                }
                 characters.last().map_or(Moment::UNKNOWN, |last| last.start)
             }
             Event::Frames(frames) => {
-                let (fitting, beyond) = frames.split_at(room.min(frames.len()));
+                begin(since, frames.first().map(|first| first.start));
+                let starts = frames.iter().map(|frame| frame.start);
+                let (fitting, beyond) = frames.split_at(in_time(starts, held.len(), *since));
                 held.extend(fitting.iter().copied().map(Held::Frame));
                 rest = Some(Event::Frames(beyond));
-                if !since.is_known() {
-                    *since = frames.first().map_or(Moment::UNKNOWN, |first| first.start);
-                }
                 frames.last().map_or(Moment::UNKNOWN, |last| last.start)
             }
             Event::Break(event) => {
@@ -267,6 +264,19 @@ impl Decoder {
             Medium::Can => (&can::PROTOCOL, note),
         }
     }
+}
+
+fn begin(since: &mut Moment, first: Option<Moment>) {
+    if !since.is_known() {
+        *since = first.unwrap_or(Moment::UNKNOWN);
+    }
+}
+
+/// How many of what starts then are held: what comes later tells nothing, be it in the same batch
+/// or not.
+fn in_time(starts: impl Iterator<Item = Moment>, held: usize, since: Moment) -> usize {
+    let limit = since.plus(HELD_NS);
+    starts.take(HELD.saturating_sub(held)).take_while(|start| !start.is_after(limit)).count()
 }
 
 impl Held {

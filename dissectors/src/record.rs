@@ -5,7 +5,7 @@ use crate::event::{Break, Clock, Loss, LossCause, Moment};
 use crate::field::{Field, FieldId, Kind, Role, Value};
 use crate::finding::{Code, Finding};
 use crate::protocol::Protocol;
-use crate::uart::{self, Character, Wire};
+use crate::uart::{self, Character, ParityMarks, Wire};
 use alloc::string::String;
 use core::fmt;
 
@@ -247,6 +247,23 @@ pub struct BusInfo {
     pub name: String,
     /// Who stamps its times; `None` where there are none.
     pub clock: Option<Clock>,
+    /// What its tap tells about parity.
+    pub parity: ParityMarks,
+}
+
+impl BusInfo {
+    /// A bus whose tap tells the parity of every character.
+    #[must_use]
+    pub fn new(name: impl Into<String>, clock: Option<Clock>) -> Self {
+        BusInfo { name: name.into(), clock, parity: ParityMarks::Character }
+    }
+
+    /// The same with a tap that tells this about parity.
+    #[must_use]
+    pub fn with_parity(mut self, parity: ParityMarks) -> Self {
+        self.parity = parity;
+        self
+    }
 }
 
 /// Takes records, in output order.

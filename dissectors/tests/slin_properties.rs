@@ -149,7 +149,7 @@ impl Line {
 
 /// Decodes characters that come in these pieces, with an advance behind each of them.
 fn decode(settings: Settings, pieces: &[&[Character]], advance: bool) -> Vec<Told> {
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Hardware) };
+    let info = BusInfo::new("bus", Some(Clock::Hardware));
     let mut bus = Bus::new(info, WireFacts::default(), settings);
     let (mut recorder, mut number) = (Recorder::default(), 0);
     for (index, piece) in pieces.iter().enumerate() {
@@ -169,7 +169,7 @@ const TICK_NS: f64 = 100.0;
 
 /// Decodes line levels that come in pieces, divided at these ticks.
 fn decode_levels(settings: Settings, edges: &[u64], cuts: &[u64]) -> Vec<Told> {
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Sample) };
+    let info = BusInfo::new("bus", Some(Clock::Sample));
     let sampling =
         Sampling { ticks_per_second: 10_000_000, uncertainty: 100, origin: Moment::from_ns(0) };
     let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };

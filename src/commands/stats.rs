@@ -3,7 +3,9 @@
 use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
+use crate::say;
 use crate::tally::{FindingTally, Period, StationTally};
+use crate::terminal::clean;
 use crate::verdict::Learned;
 use clap::{Args, ValueEnum};
 use dissectors::bus::Bus;
@@ -44,7 +46,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     let settings = match settings(decoding) {
         Ok(settings) => settings,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             return ExitCode::from(USAGE);
         }
     };
@@ -57,7 +59,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fieldtap: the output cannot be written: {error}");
+            say!("fieldtap: the output cannot be written: {error}");
             ExitCode::from(FAILED)
         }
         Ok(()) => {
@@ -118,7 +120,10 @@ fn text(outcome: &Outcome) -> String {
         let _ = write!(
             text,
             "{:<8} {:>4} {:>8} {:>8} {rate:>9} ",
-            station.bus, station.station, station.asked, station.answered
+            clean(&station.bus),
+            station.station,
+            station.asked,
+            station.answered
         );
         for (_, ns) in percentiles(station).unwrap_or_default() {
             let time = Span(ns.cast_signed()).to_string();
@@ -148,7 +153,7 @@ fn text(outcome: &Outcome) -> String {
     }
     for bus in outcome.pipeline.buses() {
         for learned in Learned::of(bus) {
-            let _ = writeln!(text, "auto {}: {learned}", bus.info().name);
+            let _ = writeln!(text, "auto {}: {learned}", clean(&bus.info().name));
         }
     }
     for (heading, line) in outcome.verdict().lines() {

@@ -18,12 +18,20 @@ pub use pcapng::PcapNg;
 pub use text::Text;
 
 use dissectors::event::Moment;
-use dissectors::record::{BusInfo, Sink};
+use dissectors::record::{BusInfo, Record, Sink};
 use std::fmt;
 use std::io;
 
 /// A form that records are written in.
 pub trait Export: Sink {
+    /// The run has records from this time on, shown or not.
+    fn begin(&mut self, _time: Moment) {}
+
+    /// Whether this record is one of those to be shown. Each is asked for once.
+    fn wants(&mut self, _record: &Record<'_>) -> bool {
+        true
+    }
+
     /// Somebody's comment on what was heard on a bus at this time. Forms without comments leave it
     /// out.
     fn comment(&mut self, _bus: &BusInfo, _time: Moment, _text: &str) {}

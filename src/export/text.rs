@@ -2,8 +2,10 @@
 
 use super::Export;
 use crate::clock::{Clock, Exact};
+use crate::terminal::push_clean;
 use anstyle::{AnsiColor, Style};
-use dissectors::finding::Severity;
+use dissectors::event::Moment;
+use dissectors::finding::{Finding, Severity};
 use dissectors::record::{Record, Sink};
 use dissectors::uart::{Character, Parity};
 use std::fmt::Write as _;
@@ -27,6 +29,8 @@ pub struct Text<W> {
     is_verbose: bool,
     has_header: bool,
     line: String,
+    /// Where the record's sentence ends in the line and its findings begin; 0 where it is one.
+    ends: usize,
     sentence: String,
 }
 
@@ -41,6 +45,7 @@ impl<W: Write> Text<W> {
             is_verbose,
             has_header: false,
             line: String::new(),
+            ends: 0,
             sentence: String::new(),
         }
     }
@@ -54,7 +59,9 @@ impl<W: Write> Text<W> {
         self.compose(record);
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
         let style = severity.filter(|_| self.has_colour).map(style);
-        shorten(&mut self.line, WIDTH);
+        if self.line.chars().count() > WIDTH {
+            self.name_findings(record);
+        }
         write_styled(&mut self.out, style, &self.line)?;
         if self.is_verbose {
             self.write_findings(record)?;
@@ -87,20 +94,36 @@ impl<W: Write> Text<W> {
         sentence.clear();
         let _ = record.summarize(sentence);
         push_clean(line, sentence);
+        self.ends = 0;
         // An event is its finding.
         if record.characters().is_empty() {
             return;
         }
+        self.ends = line.len();
         let mut separator = "; ";
-        for severity in [Severity::Error, Severity::Warning, Severity::Info] {
-            for finding in record.findings.iter().filter(|finding| finding.severity() == severity) {
-                sentence.clear();
-                let _ = finding.say(record, sentence);
-                line.push_str(separator);
-                push_clean(line, sentence);
-                separator = ", ";
-            }
+        for finding in worst_first(record) {
+            sentence.clear();
+            let _ = finding.say(record, sentence);
+            line.push_str(separator);
+            push_clean(line, sentence);
+            separator = ", ";
         }
+    }
+
+    /// Makes a line that is too long fit: what was found stands there by name, be the sentence cut.
+    fn name_findings(&mut self, record: &Record<'_>) {
+        self.sentence.clear();
+        for finding in worst_first(record).filter(|_| self.ends > 0) {
+            let name = finding.code.name.rsplit('.').next().unwrap_or(finding.code.name);
+            self.sentence.push_str(if self.sentence.is_empty() { "; " } else { ", " });
+            self.sentence.push_str(name);
+        }
+        if self.ends > 0 {
+            self.line.truncate(self.ends);
+        }
+        shorten(&mut self.line, WIDTH.saturating_sub(self.sentence.chars().count()).max(1));
+        self.line.push_str(&self.sentence);
+        shorten(&mut self.line, WIDTH);
     }
 
     fn write_findings(&mut self, record: &Record<'_>) -> io::Result<()> {
@@ -146,6 +169,10 @@ impl<W: Write> Sink for Text<W> {
 }
 
 impl<W: Write> Export for Text<W> {
+    fn begin(&mut self, time: Moment) {
+        self.clock.begin(time);
+    }
+
     fn status(&mut self) -> io::Result<()> {
         std::mem::replace(&mut self.result, Ok(()))
     }
@@ -153,6 +180,13 @@ impl<W: Write> Export for Text<W> {
     fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
+}
+
+fn worst_first<'a>(record: &Record<'a>) -> impl Iterator<Item = &'a Finding> {
+    let findings = record.findings;
+    [Severity::Error, Severity::Warning, Severity::Info].into_iter().flat_map(move |severity| {
+        findings.iter().filter(move |finding| finding.severity() == severity)
+    })
 }
 
 fn write_styled(out: &mut impl Write, style: Option<Style>, text: &str) -> io::Result<()> {
@@ -204,11 +238,6 @@ const fn style(severity: Severity) -> Style {
         Severity::Warning => AnsiColor::Yellow.on_default(),
         Severity::Info => AnsiColor::Cyan.on_default(),
     }
-}
-
-/// Names come from outside: what would steer a terminal is shown as a dot.
-fn push_clean(text: &mut String, from: &str) {
-    text.extend(from.chars().map(|c| if c.is_control() { '·' } else { c }));
 }
 
 /// Leaves at most so many columns, the last one a mark where something is left out.

@@ -95,6 +95,9 @@ pub enum InputFormat {
     Chars,
 }
 
+/// Most channels of a logic analyzer that are believed: those of a sample of 64 bytes.
+const MOST_CHANNELS: usize = 512;
+
 /// What the user says about a source.
 #[derive(Clone, Default, Debug)]
 pub struct SourceOptions {
@@ -130,6 +133,17 @@ impl SourceOptions {
         }
         let is_wanted = |channel: &T| self.channels.iter().any(|wanted| wanted == name(channel));
         Ok(there.into_iter().filter(|c| self.channels.is_empty() || is_wanted(c)).collect())
+    }
+
+    /// Of the channels of a logic analyzer, those that the user asked for.
+    ///
+    /// # Errors
+    /// One that was named is not there, or there are more than any analyzer has.
+    fn chosen_lines<T>(&self, there: Vec<T>, name: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
+        if there.len() > MOST_CHANNELS {
+            return Err(format!("there are {} channels, more than any analyzer has", there.len()));
+        }
+        self.chosen(there, name)
     }
 
     /// Checks the channels asked for where a source has only this one.

@@ -87,7 +87,7 @@ impl Pcap {
         };
         let note = TapNote::default();
         let tap = Tap::new(0, &note, unit, None, &self.options);
-        out.bus(BusInfo { name: BUS.to_owned(), clock: Some(note.clock) }, tap.facts());
+        out.bus(BusInfo::new(BUS, Some(note.clock)), tap.facts());
         Ok(Opened { endianness: header.endianness, unit, tap })
     }
 

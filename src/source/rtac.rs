@@ -6,10 +6,10 @@
 
 use super::SourceOptions;
 use super::outbox::Outbox;
-use super::tap_note::{ParityMarks, TapNote};
+use super::tap_note::TapNote;
 use dissectors::bus::WireFacts;
 use dissectors::event::{Break, Clock, Loss, LossCause, Moment};
-use dissectors::uart::{Baud, Character, Format, Parity, ParityRule};
+use dissectors::uart::{Baud, Character, Format, Parity, ParityMarks, ParityRule};
 use nom::IResult;
 use nom::error::{Error, ErrorKind};
 

@@ -1,7 +1,7 @@
 //! How runs end: exit statuses, messages, and the last four lines.
 
 use crate::harness::{Scratch, argument, codes, fieldtap, fieldtap_fed};
-use std::io::Read;
+use std::io::{Read, Write};
 use std::process::{Command, Stdio};
 
 /// An exchange with encoder 0 (TR SLIN §6: 154 is 1A 01, then the footer) and one whose checksum is
@@ -133,4 +133,66 @@ fn a_closed_pipe_ends_quietly() {
 fn quiet_is_quiet() {
     let run = fieldtap_fed(["read", "-q", "-"], GOOD.as_bytes()).good();
     assert_eq!(run.stderr, "");
+}
+
+/// A sigrok session with these samples at 1 MHz, one byte each.
+fn session(metadata: &[u8], chunks: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let plain = zip::write::SimpleFileOptions::default();
+    let header = "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nunitsize=1\n";
+    let metadata = [header.as_bytes(), metadata].concat();
+    for (name, bytes) in
+        [("version", &b"2"[..]), ("metadata", &metadata)].into_iter().chain(chunks.iter().copied())
+    {
+        archive.start_file(name, plain).expect("it is in memory");
+        archive.write_all(bytes).expect("it is in memory");
+    }
+    archive.finish().expect("it is in memory").into_inner()
+}
+
+#[test]
+fn a_session_that_lacks_something_is_not_taken_for_whole() {
+    let scratch = Scratch::new();
+    let samples: &[u8] = &[1; 1000];
+    let many: String = (1..=2000).map(|n| format!("probe{n}=D{n}\n")).collect();
+    for (metadata, chunks, says) in [
+        ("probe1=A\n", &[("logic-1-1", samples), ("logic-1-3", samples)][..], "logic-1-2"),
+        ("probe1=A\n", &[], "logic-1 cannot be unpacked: it is missing"),
+        ("", &[("logic-1", samples)], "no logic channels"),
+        ("probe9=A\n", &[("logic-1", samples)], "channel A is bit 8 of samples of 1 bytes"),
+        (&many, &[("logic-1", samples)], "the metadata is damaged"),
+    ] {
+        let file = scratch.file("it.sr", session(metadata.as_bytes(), chunks));
+        let run = fieldtap(["read", argument(&file)]);
+        assert_eq!(run.status, 3, "{says}: {}", run.stderr);
+        assert!(run.stderr.contains(says), "{says}: {}", run.stderr);
+    }
+    // A name that is no UTF-8 is still a channel.
+    let bytes = session(b"probe1=A\xE4B\n", &[("logic-1", samples)]);
+    let run = fieldtap(["read", argument(&scratch.file("latin.sr", bytes))]);
+    assert!(!run.stderr.contains("UTF-8"), "{}", run.stderr);
+}
+
+#[test]
+fn absurd_times_are_errors_of_their_line() {
+    for time in ["1e2147483647", "-1e2147483647", "9e99"] {
+        let text = format!("time,byte,parity\n{time},83,ok\n");
+        let run = fieldtap_fed(["read", "-"], text.as_bytes());
+        assert!(!run.stderr.contains("panicked"), "{time}: {}", run.stderr);
+        assert!(run.status == 3 && run.stderr.contains("line 2"), "{time}: {}", run.stderr);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn nobody_need_read_the_messages() {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
+    let status = Command::new(env!("CARGO_BIN_EXE_fieldtap"))
+        .args(["stats", "--fail-on", "error"])
+        .arg(crate::harness::here("captures/slin-parity/parity.pcapng"))
+        .stdout(Stdio::null())
+        .stderr(full)
+        .status()
+        .expect("the program is there");
+    assert_eq!(status.code(), Some(1));
 }

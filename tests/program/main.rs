@@ -11,5 +11,6 @@ mod selection;
 mod set_ups;
 mod simulate;
 mod snapshots;
+mod streams;
 mod telegrams;
 mod truth;

@@ -147,7 +147,7 @@ impl Telegram<'_> {
     }
 
     fn angle(&self) -> Option<f64> {
-        Some(self.station?.resolution?.angle(self.position?))
+        self.station?.resolution?.angle(self.position?)
     }
 
     fn name(&self) -> Option<&str> {
@@ -178,6 +178,10 @@ impl Telegram<'_> {
                 Some(turns) => write!(out, " = {turns} turns {angle:.3}°")?,
                 None => write!(out, " = {angle:.3}°")?,
             }
+        }
+        let resolution = self.station.and_then(|station| station.resolution);
+        if self.position.zip(resolution).is_some_and(|(position, bits)| !bits.has(position)) {
+            write!(out, " (more bits than --stations says)")?;
         }
         match self.response_time {
             Some(ns) => write!(out, " in {}", Span(ns)),

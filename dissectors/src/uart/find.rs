@@ -144,7 +144,7 @@ pub(super) fn fits(ticks: &[u64], bit: f64) -> bool {
     }
     let (kept, glitches) = without_glitches(ticks, bit);
     let (mut inside, mut fitting) = (0, 0);
-    for pulse in kept.windows(2).map(|pair| (pair[1] - pair[0]) as f64) {
+    for pulse in kept.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64) {
         let bits = pulse / bit;
         if bits >= 12.0 {
             continue;
@@ -164,7 +164,7 @@ fn without_glitches(ticks: &[u64], bit: f64) -> (Vec<u64>, usize) {
         let mut passed: Vec<u64> = Vec::with_capacity(kept.len());
         for tick in kept {
             match passed.last() {
-                Some(before) if ((tick - before) as f64) < bit / share => {
+                Some(before) if (tick.saturating_sub(*before) as f64) < bit / share => {
                     passed.pop();
                 }
                 _ => passed.push(tick),
@@ -178,7 +178,8 @@ fn without_glitches(ticks: &[u64], bit: f64) -> (Vec<u64>, usize) {
 
 /// What a bit may last, if the shortest pulses are one, two or three bits long.
 fn shortest_pulses(ticks: &[u64]) -> Vec<f64> {
-    let pulses: Vec<f64> = ticks.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
+    let pulses: Vec<f64> =
+        ticks.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
     let mut sorted = pulses.clone();
     sorted.sort_by(f64::total_cmp);
     let Some(short) = sorted.get(sorted.len() / 50).copied() else { return Vec::new() };

@@ -54,7 +54,7 @@ impl Line {
             doubt: None,
         };
         if let LineSettings { baud: Some(baud), format: Some(format), inverted: Some(_) } = given {
-            line.receive_as(baud, format);
+            line.receive_as(baud, format, 0);
         }
         line
     }
@@ -147,6 +147,17 @@ impl Line {
         }
     }
 
+    /// Another capture of the same line begins, after [`Line::end`]: what was found out holds on.
+    pub fn go_on(&mut self, sampling: Sampling) {
+        self.sampling = sampling;
+        let glitches = self.glitches();
+        if let Some((baud, format)) =
+            self.wire().and_then(|wire| Some((wire.baud()?, wire.format())))
+        {
+            self.receive_as(baud, format, glitches);
+        }
+    }
+
     fn find_out(&mut self, is_end: bool, emit: &mut impl FnMut(Wire, Event<'_>)) {
         let Stage::Finding(held) = &mut self.stage else { return };
         let held = core::mem::take(held);
@@ -174,7 +185,7 @@ impl Line {
             }
         }
         if let Some(baud) = baud {
-            self.receive_as(baud, format.unwrap_or(Format::FT12));
+            self.receive_as(baud, format.unwrap_or(Format::FT12), 0);
         }
         if let Stage::Receiving { receiver, wire } = &mut self.stage {
             receiver.take(held);
@@ -182,10 +193,11 @@ impl Line {
         }
     }
 
-    fn receive_as(&mut self, baud: Baud, format: Format) {
+    fn receive_as(&mut self, baud: Baud, format: Format, glitches: u64) {
         let bit = self.sampling.ticks_per_second as f64 / f64::from(baud.get());
         let sampler = Sampler::new(bit, format);
-        let receiver = Receiver::new(sampler, format, self.is_inverted, self.sampling);
+        let mut receiver = Receiver::new(sampler, format, self.is_inverted, self.sampling);
+        receiver.glitches = glitches;
         self.stage = Stage::Receiving { receiver, wire: Wire::new(Some(baud), format) };
     }
 }

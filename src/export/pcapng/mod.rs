@@ -19,9 +19,13 @@ use pcap_file::pcapng::blocks::interface_statistics::{
 use pcap_file::pcapng::blocks::opt_common::CommonOption;
 use pcap_file::pcapng::blocks::section_header::{SectionHeaderBlock, SectionHeaderOption};
 use std::borrow::Cow;
+use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
 use std::io::{self, Write};
 use std::time::Duration;
+
+/// Comments that may wait for a record on their bus.
+const MOST_KEPT: usize = 1024;
 
 /// Longest comment that an option can hold.
 const LONGEST_COMMENT: usize = 65_535;
@@ -30,8 +34,8 @@ const LONGEST_COMMENT: usize = 65_535;
 pub struct PcapNg<W: Write> {
     writer: PcapNgWriter<W>,
     interfaces: Vec<Interface>,
-    /// Comments of others: the bus, the time of what they are about, and the text.
-    kept: Vec<(String, Moment, String)>,
+    /// Comments of others by bus: the time of what they are about, and the text.
+    kept: BTreeMap<String, VecDeque<(Moment, String)>>,
     result: io::Result<()>,
     data: Vec<u8>,
 }
@@ -71,7 +75,7 @@ impl<W: Write> PcapNg<W> {
         Ok(PcapNg {
             writer,
             interfaces: Vec::new(),
-            kept: Vec::new(),
+            kept: BTreeMap::new(),
             result: Ok(()),
             data: Vec::new(),
         })
@@ -86,6 +90,7 @@ impl<W: Write> PcapNg<W> {
         match record.heard {
             Heard::Nothing => self.interfaces[interface].pending.extend(comments),
             Heard::Characters(characters) => {
+                serial::check(characters, record.bus)?;
                 for run in serial::runs(characters, record.wire) {
                     let last = run.last().map_or(Moment::UNKNOWN, |character| character.start);
                     let comments = std::mem::take(&mut comments);
@@ -159,9 +164,15 @@ impl<W: Write> PcapNg<W> {
         let Block { start, last, comments, flags } = block;
         let at = &mut self.interfaces[interface];
         at.last = last;
-        let is_due =
-            |(bus, time, _): &mut (String, Moment, String)| *bus == at.name && !time.is_after(last);
-        let kept = self.kept.extract_if(.., is_due).map(|(_, _, text)| text);
+        if start.ns().is_some_and(|ns| ns < 0) {
+            let what =
+                "times before the start of 1970, which pcapng does not know: write CSV or JSON";
+            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+        }
+        let kept = self.kept.get_mut(&at.name).into_iter().flat_map(|kept| {
+            std::iter::from_fn(|| kept.pop_front_if(|(time, _)| !time.is_after(last)))
+        });
+        let kept = kept.map(|(_, text)| text);
         let pending: Vec<String> = at.pending.drain(..).collect();
         let all = comments.into_iter().chain(pending).chain(kept);
         let mut options: Vec<EnhancedPacketOption<'_>> = all
@@ -186,7 +197,7 @@ impl<W: Write> PcapNg<W> {
     fn write_end(&mut self, interface: usize, end: Moment) -> io::Result<()> {
         let at = &mut self.interfaces[interface];
         let end = if end.is_known() { end } else { at.last };
-        let kept = self.kept.extract_if(.., |(bus, _, _)| *bus == at.name).map(|(_, _, text)| text);
+        let kept = self.kept.remove(&at.name).into_iter().flatten().map(|(_, text)| text);
         let comments = at.pending.drain(..).chain(kept).map(|text| {
             InterfaceStatisticsOption::Common(CommonOption::Comment(Cow::Owned(clamped(text))))
         });
@@ -210,7 +221,14 @@ impl<W: Write> Sink for PcapNg<W> {
 
 impl<W: Write> Export for PcapNg<W> {
     fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str) {
-        self.kept.push((bus.name.clone(), time, text.to_owned()));
+        let kept = match self.kept.get_mut(&bus.name) {
+            Some(kept) => kept,
+            None => self.kept.entry(bus.name.clone()).or_default(),
+        };
+        // They wait for records that held characters back, which is not long.
+        if kept.len() < MOST_KEPT {
+            kept.push_back((time, text.to_owned()));
+        }
     }
 
     fn end(&mut self, bus: &BusInfo, end: Moment) {

@@ -161,7 +161,7 @@ impl Listener {
                 return Err(blocks.error("characters of nine data bits do not fit into bytes"));
             }
             if self.selection.takes(&name) {
-                let info = BusInfo { name, clock: Some(note.clock) };
+                let info = BusInfo::new(name, Some(note.clock)).with_parity(note.parity);
                 Role::Heard(self.tap(
                     info,
                     |bus, options| Tap::new(bus, &note, stamps.resolution(), told.baud, options),
