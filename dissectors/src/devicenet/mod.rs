@@ -1,0 +1,3 @@
+//! DeviceNet: CIP over CAN.
+
+pub mod cip;
