@@ -4,11 +4,17 @@
 //! The tables hold what DeviceNet devices use. An unknown number is no error: it has no name.
 
 mod data;
+mod names;
 mod path;
+mod services;
+mod status;
 mod value;
 
 pub use data::{DataType, WrongLength};
+pub use names::{Range, class_name, class_range, device_type_name, vendor_name};
 pub use path::{Path, Segment, Target};
+pub use services::{service_name, service_range, unconnected_service_name};
+pub use status::{allocation_error_name, status_name};
 pub use value::{Allocation, List, Revision, Text, Value};
 
 /// Numbers of classes.
