@@ -3,16 +3,26 @@
 //!
 //! The tables hold what DeviceNet devices use. An unknown number is no error: it has no name.
 
+mod attribute;
 mod data;
 mod names;
+mod objects;
 mod path;
+mod position_sensor;
 mod services;
 mod status;
 mod value;
 
+pub(crate) use attribute::attributes;
+pub use attribute::{Access, Attribute, Bit, InWords, Words, find};
 pub use data::{DataType, WrongLength};
 pub use names::{Range, class_name, class_range, device_type_name, vendor_name};
+pub use objects::{
+    ACKNOWLEDGE_HANDLER, ASSEMBLY, CLASS, CONNECTION, DEVICENET, IDENTITY, MESSAGE_ROUTER,
+    PARAMETER, attribute,
+};
 pub use path::{Path, Segment, Target};
+pub use position_sensor::POSITION_SENSOR;
 pub use services::{service_name, service_range, unconnected_service_name};
 pub use status::{allocation_error_name, status_name};
 pub use value::{Allocation, List, Revision, Text, Value};
