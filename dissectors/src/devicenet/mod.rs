@@ -1,3 +1,4 @@
 //! DeviceNet: CIP over CAN.
 
 pub mod cip;
+pub mod encoder;
