@@ -329,6 +329,11 @@ mod tests {
         let serial = DataType::Udint.decode(&[0x92, 0x39, 0x60, 0x60]);
         assert_eq!(serial, Ok(Value::Unsigned(0x6060_3992)));
         assert_eq!(DataType::Revision.decode(&[2, 2]).unwrap().to_string(), "2.2");
+        // X24: serial 05060708h, configuration consistency value 1234h; X25: 0715h.
+        let serial = DataType::Udint.decode(&[8, 7, 6, 5]);
+        assert_eq!(serial, Ok(Value::Unsigned(0x0506_0708)));
+        assert_eq!(DataType::Uint.decode(&[0x34, 0x12]), Ok(Value::Unsigned(0x1234)));
+        assert_eq!(DataType::Uint.decode(&[0x15, 0x07]), Ok(Value::Unsigned(0x0715)));
         // X21: a count of four and the characters 0200.
         let text = DataType::String.decode(&[0x04, 0x00, 0x30, 0x32, 0x30, 0x30]);
         assert_eq!(text, Ok(Value::Text(Text(b"0200"))));
