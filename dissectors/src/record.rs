@@ -225,6 +225,13 @@ impl<'a> Record<'a> {
         self.layer.get(field)
     }
 
+    /// The field of this name, for sentences.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Value<'_> {
+        let field = self.protocol.fields.iter().position(|field| field.name == name);
+        field.map_or(Value::Absent, |field| self.layer.get(field))
+    }
+
     /// The first field of the protocol that has this role.
     #[must_use]
     pub fn by_role(&self, role: Role) -> Value<'_> {

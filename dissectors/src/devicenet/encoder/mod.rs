@@ -5,8 +5,10 @@
 
 mod assembly;
 pub mod baumer;
+pub mod codes;
 mod installation;
 mod rules;
+mod watch;
 
 pub use assembly::{Assembly, Flags, Reading};
 pub use installation::{BIT_RATE_SWITCHES, BitRateSwitches, Led, NodeState, mac_id_of_switches};
@@ -14,6 +16,8 @@ pub use rules::{
     ALARM_RESETS_AFTER, AT_REST, Known, Turns, Violation, check_position, check_set, distance,
     range,
 };
+
+pub use watch::Watch;
 
 use crate::devicenet::cip::{self, Attribute, class};
 
