@@ -133,7 +133,7 @@ impl Question<'_> {
             let is_request = self.is_request(control);
             return if is_request && may_be_request { Part::Request } else { Part::Data };
         }
-        let bits_from_footer = (character.byte() ^ self.empty_footer()).count_ones();
+        let bits_from_footer = wrong_bits(character, self.empty_footer(), 0xFF);
         if self.expectation.bit3 == Some(true) && bits_from_footer < bits_from_request(character) {
             Part::Footer
         } else if may_be_request {
@@ -234,5 +234,11 @@ impl Question<'_> {
 /// How many bits of a character must be wrong if it was sent as a request: of the bits that are
 /// the same in every request.
 fn bits_from_request(character: &Character) -> u32 {
-    ((character.byte() ^ 0x80) & 0xF8).count_ones()
+    wrong_bits(character, 0x80, 0xF8)
+}
+
+/// How many bits of a character, the stop bit among them, must be wrong if these data bits were
+/// sent; of the data bits those in the mask are compared.
+fn wrong_bits(character: &Character, sent: u8, mask: u8) -> u32 {
+    ((character.byte() ^ sent) & mask).count_ones() + u32::from(character.has_framing_error())
 }

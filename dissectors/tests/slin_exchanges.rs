@@ -1,0 +1,130 @@
+//! Exchanges that are easily taken for others: what is told of each character, word for word.
+
+use fieldtap_dissectors::bus::{Bus, WireFacts};
+use fieldtap_dissectors::event::{Clock, Event, Moment};
+use fieldtap_dissectors::field::{Role, Value};
+use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
+use fieldtap_dissectors::slin::{self, ChecksumChoice, Profile};
+use fieldtap_dissectors::uart::{Baud, Character, Parity};
+
+/// Records in words: number, kind, station, position, the request answered, codes.
+#[derive(Default)]
+struct Words(Vec<String>);
+
+impl Sink for Words {
+    fn record(&mut self, record: &Record<'_>) {
+        let mut words = format!("{} {}", record.n, record.kind);
+        if let Some(station) = record.station {
+            words += &format!(" {station}");
+        }
+        for (role, before) in [(Role::Position, "at"), (Role::Request, "to")] {
+            if let Value::Int(value) = record.by_role(role) {
+                words += &format!(" {before} {value}");
+            }
+        }
+        for finding in record.findings {
+            words += &format!(" {}", finding.code.name);
+        }
+        for code in record.withheld {
+            words += &format!(" ?{}", code.name);
+        }
+        self.0.push(words);
+    }
+}
+
+/// A tap on a bus.
+struct Tap {
+    bus: Bus,
+    words: Words,
+    records: u64,
+    baud: u32,
+    /// When the last character ended, in ns.
+    now: f64,
+}
+
+impl Tap {
+    fn new(profile: Profile, baud: u32) -> Self {
+        let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Hardware) };
+        let mut settings = Settings {
+            protocol: Some(&slin::PROTOCOL),
+            slin: slin::Settings { profile, checksum: ChecksumChoice::OfProfile },
+            ..Settings::default()
+        };
+        settings.line.baud = Baud::new(baud);
+        let bus = Bus::new(info, WireFacts::default(), settings);
+        Tap { bus, words: Words::default(), records: 0, baud, now: 1e9 }
+    }
+
+    /// Hears hex bytes; `12*` has a parity error, `00#` no stop bit, `+250` is a pause in µs, and so
+    /// is `~250`, which is told to the bus when half of it is over.
+    fn hear(mut self, text: &str) -> Self {
+        let character_ns = 11e9 / f64::from(self.baud);
+        for token in text.split_whitespace() {
+            let out = &mut Output::new(&mut self.records, &mut self.words);
+            if let Some(pause) = token.strip_prefix(['+', '~']) {
+                let ns = pause.parse::<f64>().expect("a pause is a number") * 1e3;
+                if token.starts_with('~') {
+                    let half = Moment::from_ns((self.now + ns / 2.0) as i64);
+                    self.bus.hear(Event::Advance(half), out);
+                }
+                self.now += ns;
+                continue;
+            }
+            let byte = u16::from_str_radix(&token[..2], 16).expect("a byte has two hex digits");
+            let parity = if token.ends_with('*') { Parity::Error } else { Parity::Ok };
+            let mut character = Character::new(Moment::from_ns(self.now as i64), 100, byte, parity);
+            if token.ends_with('#') {
+                character = character.with_framing_error();
+            }
+            self.bus.hear(Event::Characters(&[character]), out);
+            self.now += character_ns;
+        }
+        self
+    }
+
+    /// What was told of a capture that goes on for a second.
+    fn told(self) -> Vec<String> {
+        self.told_until(1e9)
+    }
+
+    /// What was told of a capture that ends so many ns after the last character.
+    fn told_until(mut self, ns: f64) -> Vec<String> {
+        let end = Moment::from_ns((self.now + ns) as i64);
+        self.bus.finish(end, &mut Output::new(&mut self.records, &mut self.words));
+        self.words.0
+    }
+}
+
+/// Asserts what is told last.
+fn check(tap: Tap, text: &str, expected: &[&str]) {
+    let told = tap.hear(text).told();
+    assert_eq!(told[told.len().saturating_sub(expected.len())..], *expected, "{text}");
+}
+
+/// Stations 0 and 1 are there; each exchange ends with a pause of 1 ms. Position 5 is the one
+/// word 05h with checksum 0, position 100 is 64h with checksum 6 (64h = 110 0100b).
+const BOTH: &str = "80 +250 64 E8 +1000 81 +250 05 89 +1000";
+
+#[test]
+fn a_low_pulse_is_no_request() {
+    // The line was low for a character: all bits 0, the parity fits, the stop bit is missing.
+    check(
+        Tap::new(Profile::Baumer, 115_200).hear(BOTH),
+        "00# +1000 80 +250 05 88 +1000",
+        &["5 stray uart.framing slin.stray-data", "6 request 0", "7 response 0 at 5 to 6"],
+    );
+    check(
+        Tap::new(Profile::Baumer, 115_200),
+        "00# +1000 80 +250 05 88 +1000",
+        &["1 partial", "2 request 0", "3 response 0 at 5 to 2"],
+    );
+    // A request that lost its bit 7 is one, and so is one without its stop bit.
+    for request in ["00*", "80#"] {
+        let told = Tap::new(Profile::Baumer, 115_200)
+            .hear(BOTH)
+            .hear(&format!("{request} +250 05 88 +1000"))
+            .told();
+        assert_eq!(told[5], "6 response 0 at 5 to 5", "{told:?}");
+    }
+}
