@@ -107,6 +107,19 @@ fn check(tap: Tap, text: &str, expected: &[&str]) {
 const BOTH: &str = "80 +250 64 E8 +1000 81 +250 05 89 +1000";
 
 #[test]
+fn the_set_up_is_told_at_the_same_place_however_time_is_told_to_pass() {
+    // The 256th character settles that the parity is wrong: a request after one that nobody
+    // answered.
+    let text = "80* +250 05* 88* +1000 ".repeat(84) + &"80* ~20000 ".repeat(4);
+    let advancing = Tap::new(Profile::Baumer, 115_200).hear(&text).told();
+    let place = advancing.iter().position(|words| words.contains("uart.wrong-parity"));
+    // 84 exchanges are two records each, then come three requests.
+    assert_eq!(place, Some(171));
+    let text = text.replace('~', "+");
+    assert_eq!(Tap::new(Profile::Baumer, 115_200).hear(&text).told(), advancing);
+}
+
+#[test]
 fn a_low_pulse_is_no_request() {
     // The line was low for a character: all bits 0, the parity fits, the stop bit is missing.
     check(

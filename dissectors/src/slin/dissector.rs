@@ -60,10 +60,6 @@ impl Slin {
     }
 
     fn character(&mut self, character: Character, outlet: &mut Outlet<'_, '_>) {
-        self.ledger.signature.hear(character.byte(), character.is_damaged());
-        if let Some(finding) = self.setup.hear(&character) {
-            self.pending.push(finding);
-        }
         if let Some(last) = &self.last {
             if self.silence_from(last).is_some_and(|end| character.start.is_after(end)) {
                 self.silence(outlet);
@@ -71,6 +67,9 @@ impl Slin {
                 self.cut(outlet);
             }
         }
+        // Silence is over before the character is: it may have been told by then.
+        self.ledger.signature.hear(character.byte(), character.is_damaged());
+        self.pending.extend(self.setup.hear(&character));
         if self.open.undecided().is_some() {
             self.resolve(Next::Character(&character), outlet);
         }
