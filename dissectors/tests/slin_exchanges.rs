@@ -120,6 +120,19 @@ fn the_set_up_is_told_at_the_same_place_however_time_is_told_to_pass() {
 }
 
 #[test]
+fn a_lower_limit_under_one_bit_time_is_not_judged() {
+    // At 9600 Bd a bit takes 104 µs, more than the 100 µs of TR SLIN §6: even words that overlap
+    // the request by 200 µs are not told to be early. At 19200 Bd it takes 52 µs.
+    for (baud, expected) in [
+        (9_600, "2 response 0 at 5 to 1 ?slin.early-response"),
+        (19_200, "2 response 0 at 5 to 1 slin.early-response"),
+    ] {
+        let told = Tap::new(Profile::Tr, baud).hear("80 +-200 05 80 +3000").told();
+        assert_eq!(told[1], expected);
+    }
+}
+
+#[test]
 fn a_low_pulse_is_no_request() {
     // The line was low for a character: all bits 0, the parity fits, the stop bit is missing.
     check(

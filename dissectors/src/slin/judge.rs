@@ -107,10 +107,10 @@ impl Verdict {
         }
         let Some(earliest) = window.earliest else { return };
         let early_by = earliest - ns;
-        if early_by > uncertainty + bit {
-            self.add(Finding::new(&codes::EARLY_RESPONSE).actual(ns).limit(earliest));
-        } else if early_by.abs() <= uncertainty || earliest < bit {
+        if earliest < bit || early_by.abs() <= uncertainty {
             self.withheld.push(&codes::EARLY_RESPONSE);
+        } else if early_by > uncertainty + bit {
+            self.add(Finding::new(&codes::EARLY_RESPONSE).actual(ns).limit(earliest));
         }
     }
 }
