@@ -396,7 +396,7 @@ pub static POSITION_JUMP: Code = Code {
     is_cause: false,
     meaning: "A position does not fit the ones before and after it: perhaps a wrong value without any error mark.",
     rule: "No manual has such a rule. Parity misses two wrong bits in a character, and the checksum misses 1 in 5 of those.",
-    evidence: "The step to this position differs from the steps before and after it, both in the same direction, by more than 127 and by more than 8 times the largest other change of step among the station's last 100. Steps across gaps, missed and damaged telegrams are left out. A spike is told once, not its return.",
+    evidence: "The step to this position differs from the steps before and after it by more than 127 and by more than 8 times the largest other change of step among the station's last 100. Both differences have the same sign, and at least 4 changes of step were seen before. Steps are counted modulo the resolution of --stations, else modulo the smallest power of two above every position shown. Steps across gaps, missed and damaged telegrams are left out. A spike is told once, not its return.",
     causes: &[
         "interference that parity and checksum did not catch",
         "a lost data word: the lower part of the position alone passes 1 check in 8",
@@ -415,10 +415,10 @@ pub static POSITION_JUMP: Code = Code {
     say: |finding, record, out| {
         write!(
             out,
-            "position {} of station {} is off by {} from its neighbours",
+            "position {} of station {} does not fit its neighbours, which lead to {}",
             finding.actual.unwrap_or_default(),
             record.station.unwrap_or_default(),
-            finding.actual.unwrap_or_default() - finding.expected.unwrap_or_default()
+            finding.expected.unwrap_or_default()
         )
     },
 };

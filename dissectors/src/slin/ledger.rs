@@ -377,7 +377,7 @@ impl Ledger {
         outlet: &mut Outlet<'_, '_>,
     ) {
         let finding = Finding::new(&codes::POSITION_JUMP)
-            .expected(jump.expected)
+            .expected(i64::from(jump.expected))
             .actual(i64::from(jump.position));
         let last = exchange.last().copied();
         let station = Some(u16::from(address.get()));
