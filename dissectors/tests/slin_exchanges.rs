@@ -120,6 +120,28 @@ fn the_set_up_is_told_at_the_same_place_however_time_is_told_to_pass() {
 }
 
 #[test]
+fn an_answer_long_after_an_exchange_is_no_second_one_to_it() {
+    let late = "80 +250 05 88 +5000000 05 88 +1000";
+    let told = Tap::new(Profile::Baumer, 115_200).hear(BOTH).hear(late).hear(late).told();
+    assert_eq!(
+        told[4..],
+        [
+            "5 request 0",
+            "6 response 0 at 5 to 5",
+            "7 stray slin.stray-data",
+            "8 request 0",
+            "9 response 0 at 5 to 8",
+            "10 stray slin.stray-data",
+        ]
+    );
+    // Right behind it, it is one.
+    let twice = "80 +250 05 88 +300 05 88 +1000";
+    let told = Tap::new(Profile::Baumer, 115_200).hear(BOTH).hear(twice).hear(twice).told();
+    assert_eq!(told[6], "7 response 0 at 5 to 5 slin.stray-data");
+    assert_eq!(told[9], "10 response 0 at 5 to 8 slin.duplicate-address");
+}
+
+#[test]
 fn a_lower_limit_under_one_bit_time_is_not_judged() {
     // At 9600 Bd a bit takes 104 µs, more than the 100 µs of TR SLIN §6: even words that overlap
     // the request by 200 µs are not told to be early. At 19200 Bd it takes 52 µs.

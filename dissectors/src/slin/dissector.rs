@@ -202,9 +202,10 @@ impl Slin {
         self.cut(outlet);
     }
 
-    /// When the silence after a character is over patience.
+    /// When the silence after a character is over patience: then nobody answers any more, be it for
+    /// the first time or for the second.
     fn silence_from(&self, last: &Character) -> Option<Moment> {
-        if self.open.is_empty() {
+        if self.open.is_empty() && !self.ledger.awaits_second_answer() {
             return None;
         }
         let character = self.ledger.wire.character_ns().unwrap_or(SLOWEST_CHARACTER_NS);

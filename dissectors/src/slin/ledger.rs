@@ -95,7 +95,12 @@ impl Ledger {
             && distance.is_some_and(Distance::is_close)
     }
 
-    /// What was lost or broken off leaves no exchange to come back to.
+    /// Whether more words may be a second answer to the last request.
+    pub const fn awaits_second_answer(&self) -> bool {
+        self.told.is_some()
+    }
+
+    /// What was lost, broken off, or long ago leaves no exchange to come back to.
     pub fn forget_last(&mut self) {
         self.told = None;
     }
