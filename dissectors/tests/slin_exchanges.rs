@@ -120,6 +120,35 @@ fn the_set_up_is_told_at_the_same_place_however_time_is_told_to_pass() {
 }
 
 #[test]
+fn a_damaged_request_makes_no_address_heard() {
+    // Nobody is at 3. At 9600 Bd the next request, 81h for 80h, follows within half a character
+    // and is taken for a data word of 3's answer.
+    let exchange = "80 +250 64 E8 +3000";
+    check(
+        Tap::new(Profile::Baumer, 9_600)
+            .hear(&format!("{exchange} {exchange} 83 +3000 {exchange}")),
+        &format!("83 +300 81* +250 64 E8 +3000 83 +3000 {exchange}"),
+        &[
+            "8 request 3",
+            "9 response 0 at 12801 to 8 slin.parity slin.address-mismatch",
+            "10 request 3",
+            "11 request 0",
+            "12 response 0 at 100 to 11",
+        ],
+    );
+}
+
+#[test]
+fn a_damaged_request_asks_nobody_in_vain() {
+    // It may have been for somebody else.
+    check(
+        Tap::new(Profile::Baumer, 115_200).hear(BOTH),
+        "81* +15000 87* +15000 87 +15000",
+        &["5 request 1 slin.parity", "6 request 7 slin.parity", "7 request 7 slin.never-answered"],
+    );
+}
+
+#[test]
 fn an_answer_long_after_an_exchange_is_no_second_one_to_it() {
     let late = "80 +250 05 88 +5000000 05 88 +1000";
     let told = Tap::new(Profile::Baumer, 115_200).hear(BOTH).hear(late).hear(late).told();

@@ -130,7 +130,7 @@ pub static NO_RESPONSE: Code = Code {
     is_cause: false,
     meaning: "A station that answered before did not answer this request.",
     rule: "The encoder answers within 1 ms (Baumer SLIN §3.2), after 0.1 to 0.4 ms (TR SLIN §6).",
-    evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). From the third in a row it is a state: told when it begins and when it ends.",
+    evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). Heard before is a station with one undamaged answer that named itself; a damaged request is not counted, it may have been for another. From the third in a row it is a state: told when it begins and when it ends.",
     causes: &[
         "the station lost its supply, or its plug is loose",
         "the request was damaged on its way to the station (the tap may hear it better)",
@@ -531,7 +531,7 @@ pub static NEVER_ANSWERED: Code = Code {
     is_cause: false,
     meaning: "This address was asked and nobody has answered there so far.",
     rule: "None: masters scan addresses that are not in use. Up to 8 encoders (TR SLIN §1).",
-    evidence: "Another control word, or silence for ten times the limit. Told once an address.",
+    evidence: "Another control word, or silence for ten times the limit. A damaged request is not counted. Told once an address.",
     causes: &[
         "there is no encoder at this address, and the master asks in vain",
         "the encoder has another address than planned: Ident jumpers",

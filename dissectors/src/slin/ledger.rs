@@ -143,7 +143,8 @@ impl Ledger {
         outlet: &mut Outlet<'_, '_>,
     ) {
         let response = exchange.response();
-        let address = response.footer.map_or(asked, |footer| footer.address);
+        let named = response.footer.map(|footer| footer.address);
+        let address = named.unwrap_or(asked);
         let taken =
             exchange.first_word().and_then(|first| Interval::between(request, first, self.wire));
         let mut telegram = self.telegram_of(exchange);
@@ -161,7 +162,7 @@ impl Ledger {
         }
         let bit3 = response.footer.map(|footer| footer.bit3);
         self.verdict.judge_time(taken, self.habits.window(asked, bit3), self.wire);
-        self.judge_station(exchange, asked, address);
+        self.judge_station(exchange, asked, named);
         telegram.station = self.names.get(&u16::from(address.get()));
         let sound = is_sound(exchange, telegram.checksum_expected.unwrap_or_default());
         let n = outlet.emit(RESPONSE, &self.verdict, &telegram);
@@ -192,12 +193,8 @@ impl Ledger {
 
     /// What an answer says about its station: that it is there, that its silence is over, that
     /// there are two of it.
-    fn judge_station(&mut self, exchange: &Exchange, asked: Address, named: Address) {
-        let damaged = exchange.characters()[exchange.answer_begins()..]
-            .iter()
-            .zip(&exchange.parts()[exchange.answer_begins()..])
-            .filter(|(character, part)| character.is_damaged() && !is_noise(character, **part))
-            .count();
+    fn judge_station(&mut self, exchange: &Exchange, asked: Address, named: Option<Address>) {
+        let damaged = damaged_words(exchange);
         let others_are_torn = (0..)
             .zip(&self.stations)
             .any(|(address, station)| address != asked.get() && station.has_torn_answers());
@@ -210,14 +207,13 @@ impl Ledger {
                 .limit(i64::from(answers));
             self.verdict.add(doubled);
         }
-        // Where another station answered, the one that was asked is still to be heard; but damaged
-        // characters name anybody.
-        let answered = if damaged == 0 { named } else { asked };
-        let station = &mut self.stations[answered.index()];
-        if let Some(over) = station.end_silence(now) {
-            self.verdict.add(over);
+        // Without its footer, or with another's, it may be the next request and what came of that.
+        if named == Some(asked) {
+            if let Some(over) = station.end_silence(now) {
+                self.verdict.add(over);
+            }
+            station.is_heard |= damaged == 0;
         }
-        station.is_heard = true;
     }
 
     /// Returns whether the request that came instead of an answer may be an empty answer.
@@ -237,7 +233,7 @@ impl Ledger {
         station.motion.interrupt();
         if may_be_answered {
             self.verdict.add(Finding::new(&codes::AMBIGUOUS));
-        } else if end != End::Cut && !exchange.may_be_answer {
+        } else if end != End::Cut && !exchange.may_be_answer && !request.is_damaged() {
             let asked_until = request.start.plus(self.wire.character_ns().unwrap_or_default());
             if let Some(finding) = station.miss(asked_until) {
                 self.verdict.add(finding);
@@ -304,7 +300,7 @@ impl Ledger {
         if let Some(over) = station.end_silence(start) {
             self.verdict.add(over);
         }
-        station.is_heard = true;
+        station.is_heard |= damaged_words(exchange) == 0;
         station.motion.interrupt();
         telegram.station = self.names.get(&u16::from(address.get()));
         outlet.emit(RESPONSE, &self.verdict, &telegram);
@@ -456,4 +452,11 @@ impl Ledger {
 /// Whether a character is a request without any oddity.
 fn is_plain(request: &Character) -> bool {
     request.byte() & 0xF8 == 0x80 && !request.is_damaged()
+}
+
+/// Damaged characters of the answer, noise left out.
+fn damaged_words(exchange: &Exchange) -> usize {
+    let from = exchange.answer_begins();
+    let words = exchange.characters()[from..].iter().zip(&exchange.parts()[from..]);
+    words.filter(|(character, part)| character.is_damaged() && !is_noise(character, **part)).count()
 }
