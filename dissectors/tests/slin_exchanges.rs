@@ -149,6 +149,22 @@ fn a_damaged_request_asks_nobody_in_vain() {
 }
 
 #[test]
+fn a_wrong_footer_in_time_is_the_asked_stations() {
+    // 3 was asked in vain; 0's footer names it.
+    check(
+        Tap::new(Profile::Baumer, 115_200).hear(&format!("{BOTH} 83 +15000")),
+        "80 +250 05 8B +1000 83 +15000 80 +250 05 88 +1000",
+        &[
+            "6 request 0",
+            "7 response 3 at 5 to 6 slin.address-mismatch",
+            "8 request 3",
+            "9 request 0",
+            "10 response 0 at 5 to 9",
+        ],
+    );
+}
+
+#[test]
 fn an_answer_long_after_an_exchange_is_no_second_one_to_it() {
     let late = "80 +250 05 88 +5000000 05 88 +1000";
     let told = Tap::new(Profile::Baumer, 115_200).hear(BOTH).hear(late).hear(late).told();

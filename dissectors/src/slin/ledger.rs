@@ -121,17 +121,26 @@ impl Ledger {
             self.tell_partial(exchange, Some((number, asked)), outlet);
             return;
         }
-        match self.late_station(exchange, asked) {
+        match self.late_station(exchange) {
             Some(late) => self.tell_late_answer(exchange, late, outlet),
             None => self.tell_response(exchange, request, number, asked, outlet),
         }
     }
 
-    /// The station that was silent before and that this footer names, if it is not the one asked.
-    fn late_station(&self, exchange: &Exchange, asked: Address) -> Option<Address> {
+    /// The station whose late answer this is, if it is not that of the one asked: the footer names
+    /// one that was silent before. Within the window of the one asked, it must have been heard
+    /// before: else that one's footer is wrong.
+    pub fn late_station(&self, exchange: &Exchange) -> Option<Address> {
+        let request = exchange.request().filter(|request| !request.is_damaged())?;
         let footer = exchange.footer().filter(|footer| !footer.is_damaged())?;
-        let named = Address::of(footer.byte());
-        (named != asked && self.stations[named.index()].silent > 0).then_some(named)
+        let (asked, named) = (Address::of(request.byte()), Address::of(footer.byte()));
+        let station = &self.stations[named.index()];
+        if named == asked || station.silent == 0 {
+            return None;
+        }
+        let is_in_time = Interval::between(request, exchange.first_word()?, self.wire)
+            .is_none_or(|taken| taken.may_lie_in(self.habits.of(asked).window, self.wire));
+        (station.is_heard || !is_in_time).then_some(named)
     }
 
     fn tell_response(
