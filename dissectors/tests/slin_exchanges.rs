@@ -120,6 +120,59 @@ fn the_set_up_is_told_at_the_same_place_however_time_is_told_to_pass() {
 }
 
 #[test]
+fn a_request_that_a_late_answer_crosses_takes_its_own_answer() {
+    check(
+        Tap::new(Profile::Baumer, 115_200).hear(BOTH),
+        "80 +12000 81 +300 05 88 +300 05 89 +1000",
+        &[
+            "5 request 0 slin.no-response",
+            "6 request 1",
+            "7 response 0 at 5 slin.late-answer",
+            "8 response 1 at 5 to 6",
+        ],
+    );
+}
+
+#[test]
+fn a_request_that_only_a_late_answer_follows_is_not_answered() {
+    check(
+        Tap::new(Profile::Baumer, 115_200).hear(BOTH),
+        "80 +12000 81 +300 05 88 +12000 81 +300 05 89 +1000",
+        &[
+            "5 request 0 slin.no-response",
+            "6 request 1 slin.no-response",
+            "7 response 0 at 5 slin.late-answer",
+            "8 request 1",
+            "9 response 1 at 5 to 8",
+        ],
+    );
+}
+
+#[test]
+fn two_late_answers_cross_one_request() {
+    let three = format!("{BOTH} 82 +250 05 8A +1000");
+    check(
+        Tap::new(Profile::Baumer, 115_200).hear(&three),
+        "80 +12000 81 +12000 82 +100 05 88 +100 05 89 +100 05 8A +1000",
+        &[
+            "7 request 0 slin.no-response",
+            "8 request 1 slin.no-response",
+            "9 request 2",
+            "10 response 0 at 5 slin.late-answer",
+            "11 response 1 at 5 slin.late-answer",
+            "12 response 2 at 5 to 9",
+        ],
+    );
+}
+
+#[test]
+fn the_end_of_the_capture_judges_no_request_that_was_crossed() {
+    let tap = Tap::new(Profile::Baumer, 115_200).hear(BOTH).hear("80 +12000 81 +300 05 88");
+    let told = tap.told_until(1e6);
+    assert_eq!(told[5..], ["6 request 1", "7 response 0 at 5 slin.late-answer"]);
+}
+
+#[test]
 fn a_damaged_request_makes_no_address_heard() {
     // Nobody is at 3. At 9600 Bd the next request, 81h for 80h, follows within half a character
     // and is taken for a data word of 3's answer.

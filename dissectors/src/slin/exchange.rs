@@ -141,6 +141,20 @@ impl Exchange {
         Some(self.characters[self.len])
     }
 
+    /// Takes the answer out. What is left is the request, to be answered yet.
+    pub fn take_answer(&mut self) -> Exchange {
+        let mut answer = Exchange { framed_by: self.framed_by, ..Exchange::empty() };
+        let from = self.answer_begins();
+        for (character, part) in self.characters[from..self.len].iter().zip(&self.parts[from..]) {
+            answer.push(*character, *part);
+        }
+        self.len = from;
+        self.words = 0;
+        self.footer = None;
+        self.framed_by = FramedBy::Grammar;
+        answer
+    }
+
     /// All characters.
     #[must_use]
     pub fn characters(&self) -> &[Character] {
@@ -205,6 +219,12 @@ impl Exchange {
     #[must_use]
     pub fn footer(&self) -> Option<&Character> {
         self.footer.map(|index| &self.characters[index])
+    }
+
+    /// The address that an undamaged footer names.
+    #[must_use]
+    pub fn named(&self) -> Option<Address> {
+        self.footer().filter(|footer| !footer.is_damaged()).map(|footer| Address::of(footer.byte()))
     }
 
     /// Whether anybody answered: a data word or a footer came.

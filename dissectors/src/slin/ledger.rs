@@ -67,21 +67,41 @@ impl Ledger {
         }
     }
 
-    /// Tells an exchange that is over. Returns whether the request that ended it may as well be
-    /// its empty answer.
-    pub fn tell(&mut self, exchange: &Exchange, end: End<'_>, outlet: &mut Outlet<'_, '_>) -> bool {
+    /// Tells an exchange that is over, and the late answers that crossed it. Returns whether the
+    /// request that ended it may as well be its empty answer.
+    pub fn tell(
+        &mut self,
+        exchange: &Exchange,
+        crossing: &[Exchange],
+        end: End<'_>,
+        outlet: &mut Outlet<'_, '_>,
+    ) -> bool {
         let told = self.told.take();
-        match exchange.request() {
-            Some(request) if exchange.has_answer() => {
-                self.tell_answered(exchange, request, end, outlet);
-                false
-            }
-            Some(request) => self.tell_unanswered(exchange, request, end, outlet),
-            None => {
-                self.tell_unasked(exchange, told, outlet);
-                false
-            }
+        let Some(request) = exchange.request() else {
+            self.tell_unasked(exchange, told, outlet);
+            return false;
+        };
+        let asked = Address::of(request.byte());
+        self.verdict.clear();
+        self.judge_request(exchange);
+        let may_be_answered =
+            crossing.is_empty() && self.may_be_empty_answer(exchange, request, end);
+        if !exchange.has_answer() {
+            self.judge_silence(exchange, request, end, may_be_answered);
         }
+        let number = self.emit_request(exchange, asked, outlet);
+        for late in crossing {
+            self.tell_late_answer(late, late.named().unwrap_or(asked), outlet);
+        }
+        if !exchange.has_answer() {
+            self.tell_stray(exchange, 1, outlet);
+        } else if end == End::Cut && exchange.footer().is_none() {
+            self.stations[asked.index()].motion.interrupt();
+            self.tell_partial(exchange, Some((number, asked)), outlet);
+        } else {
+            self.tell_response(exchange, request, number, asked, outlet);
+        }
+        may_be_answered
     }
 
     /// Whether a character right behind the last footer names the same station: then it is a
@@ -105,35 +125,12 @@ impl Ledger {
         self.told = None;
     }
 
-    fn tell_answered(
-        &mut self,
-        exchange: &Exchange,
-        request: &Character,
-        end: End<'_>,
-        outlet: &mut Outlet<'_, '_>,
-    ) {
-        let asked = Address::of(request.byte());
-        self.verdict.clear();
-        self.judge_request(exchange);
-        let number = self.emit_request(exchange, asked, outlet);
-        if end == End::Cut && exchange.footer().is_none() {
-            self.stations[asked.index()].motion.interrupt();
-            self.tell_partial(exchange, Some((number, asked)), outlet);
-            return;
-        }
-        match self.late_station(exchange) {
-            Some(late) => self.tell_late_answer(exchange, late, outlet),
-            None => self.tell_response(exchange, request, number, asked, outlet),
-        }
-    }
-
     /// The station whose late answer this is, if it is not that of the one asked: the footer names
     /// one that was silent before. Within the window of the one asked, it must have been heard
     /// before: else that one's footer is wrong.
     pub fn late_station(&self, exchange: &Exchange) -> Option<Address> {
         let request = exchange.request().filter(|request| !request.is_damaged())?;
-        let footer = exchange.footer().filter(|footer| !footer.is_damaged())?;
-        let (asked, named) = (Address::of(request.byte()), Address::of(footer.byte()));
+        let (asked, named) = (Address::of(request.byte()), exchange.named()?);
         let station = &self.stations[named.index()];
         if named == asked || station.silent == 0 {
             return None;
@@ -225,20 +222,16 @@ impl Ledger {
         }
     }
 
-    /// Returns whether the request that came instead of an answer may be an empty answer.
-    fn tell_unanswered(
+    /// What it says that no answer came, unless the next request may be one.
+    fn judge_silence(
         &mut self,
         exchange: &Exchange,
         request: &Character,
         end: End<'_>,
-        outlet: &mut Outlet<'_, '_>,
-    ) -> bool {
-        let asked = Address::of(request.byte());
-        let may_be_answered = self.may_be_empty_answer(exchange, request, end);
-        self.verdict.clear();
-        self.judge_request(exchange);
+        may_be_answered: bool,
+    ) {
         self.signature.explain(usize::from(is_plain(request)));
-        let station = &mut self.stations[asked.index()];
+        let station = &mut self.stations[Address::of(request.byte()).index()];
         station.motion.interrupt();
         if may_be_answered {
             self.verdict.add(Finding::new(&codes::AMBIGUOUS));
@@ -248,11 +241,6 @@ impl Ledger {
                 self.verdict.add(finding);
             }
         }
-        self.emit_request(exchange, asked, outlet);
-        if exchange.characters().len() > 1 {
-            self.tell_stray(exchange, 1, outlet);
-        }
-        may_be_answered
     }
 
     /// With bit 3 low, `80 80` may be a request and its answer without data words, if the second
@@ -263,7 +251,8 @@ impl Ledger {
         let expectation = self.habits.of(Address::of(request.byte()));
         let in_time = Interval::between(request, next, self.wire)
             .is_none_or(|interval| interval.may_lie_in(Window::TR, self.wire));
-        same && expectation.bit3 != Some(true) && in_time && !exchange.may_be_answer
+        let is_alone = !exchange.has_answer() && !exchange.may_be_answer;
+        same && expectation.bit3 != Some(true) && in_time && is_alone
     }
 
     fn tell_unasked(
@@ -342,6 +331,9 @@ impl Ledger {
     /// Characters from `from` on belong to nobody.
     fn tell_stray(&mut self, exchange: &Exchange, from: usize, outlet: &mut Outlet<'_, '_>) {
         let characters = from..exchange.characters().len();
+        if characters.is_empty() {
+            return;
+        }
         let telegram = Telegram {
             parts: &NOBODYS[..characters.len()],
             characters: &exchange.characters()[characters],
