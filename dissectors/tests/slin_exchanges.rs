@@ -202,6 +202,22 @@ fn a_damaged_request_asks_nobody_in_vain() {
 }
 
 #[test]
+fn a_footer_that_lost_its_bit_7_is_one_though_the_next_request_is_close() {
+    // At 9600 Bd a bit takes 104 µs and half a character 573 µs. 02+23+04 = 29h: checksum 2.
+    let tap = || Tap::new(Profile::Tr, 9_600).hear("82 +250 02 23 04 A2 +3000");
+    let told = tap().hear("82 +250 02 23 04 22* +300 83 +250 05 83 +3000").told();
+    // 02h + 23h * 2^7 + 04h * 2^14
+    assert_eq!(told[3], "4 response 2 at 70018 to 3 slin.parity ?slin.early-response");
+    assert_eq!(told[4], "5 request 3");
+    // What follows without a pause belongs to the same answer: here 22h was sent as 23h.
+    // 02+23+23 = 48h: checksum 4.
+    let told = tap().hear("82 +250 02 23 22* C2 +3000 83 +250 05 83 +3000").told();
+    // 02h + 23h * 2^7 + 22h * 2^14
+    assert_eq!(told[3], "4 response 2 at 561538 to 3 slin.parity ?slin.early-response");
+    assert_eq!(told[4], "5 request 3");
+}
+
+#[test]
 fn a_wrong_footer_in_time_is_the_asked_stations() {
     // 3 was asked in vain; 0's footer names it.
     check(

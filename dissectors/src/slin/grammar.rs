@@ -159,12 +159,15 @@ impl Question<'_> {
                 None => Part::Data,
             }
         } else {
-            let as_footer = character.byte() | 0x80;
+            let is_footer = self.is_perfect_footer(character.byte() | 0x80);
+            let is_apart = self.behind().is_some_and(|behind| !behind.is_joined());
             let is_before_footer =
                 self.next.intact_control().is_some_and(|control| !self.is_request(control));
-            if self.follows() == Some(true) || is_before_footer && self.follows().is_none() {
+            if is_footer && is_apart && !self.next.is_data() {
+                Part::Footer
+            } else if self.follows() == Some(true) || is_before_footer && self.follows().is_none() {
                 Part::Data
-            } else if self.fits_as_footer(as_footer, self.exchange.data()) {
+            } else if is_footer {
                 Part::Footer
             } else if is_request {
                 Part::Request
@@ -188,8 +191,9 @@ impl Question<'_> {
         if self.expectation.bit3.is_some_and(|expected| expected != bit3) {
             return false;
         }
-        let is_footer = self.fits_as_footer(damaged.byte(), self.exchange.data());
-        if is_footer && self.behind().is_some_and(|behind| !behind.is_joined()) {
+        if self.is_perfect_footer(damaged.byte())
+            && self.behind().is_some_and(|behind| !behind.is_joined())
+        {
             return false;
         }
         let mut data = [0; super::exchange::CAPACITY];
@@ -197,6 +201,13 @@ impl Question<'_> {
         data[..words].copy_from_slice(self.exchange.data());
         data[words] = damaged.byte() & 0x7F;
         self.follows() != Some(false) && self.fits_as_footer(control, &data[..=words])
+    }
+
+    /// Whether a control word fits the words so far as their footer, and its station's habits.
+    fn is_perfect_footer(&self, control: u8) -> bool {
+        let bit3 = Footer::of(control).bit3;
+        self.expectation.bit3.is_none_or(|expected| expected == bit3)
+            && self.fits_as_footer(control, self.exchange.data())
     }
 
     fn fits_as_footer(&self, control: u8, data: &[u8]) -> bool {
