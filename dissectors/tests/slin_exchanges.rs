@@ -218,6 +218,38 @@ fn a_footer_that_lost_its_bit_7_is_one_though_the_next_request_is_close() {
 }
 
 #[test]
+fn a_request_that_lost_its_bit_7_is_one_though_another_follows() {
+    // Nobody is at 0, and nothing is known of bit 3: 80 00 80 could be the answer of position 0,
+    // if its words were not so far apart.
+    check(
+        Tap::new(Profile::Auto, 9_600),
+        "80 +1800 00* +1800 80 +1800 81 +1800",
+        &[
+            "1 request 0 slin.never-answered",
+            "2 request 0 slin.parity",
+            "3 request 0",
+            "4 request 1 slin.never-answered",
+        ],
+    );
+}
+
+#[test]
+fn a_damaged_footer_is_one_though_the_next_request_is_close() {
+    // 74+7F+11 = 104h: checksum 0, and a footer like a request. With 82h for 83h, 02h could be a
+    // fourth word and the next request the footer, if that were joined to it.
+    check(
+        Tap::new(Profile::Auto, 9_600),
+        "83 +150 74 7F 11 82* +300 83 +150 74 7F 11 83 +3000",
+        &[
+            "1 request 3",
+            "2 response 2 at 294900 to 1 slin.parity slin.address-mismatch",
+            "3 request 3",
+            "4 response 3 at 294900 to 3",
+        ],
+    );
+}
+
+#[test]
 fn a_wrong_footer_in_time_is_the_asked_stations() {
     // 3 was asked in vain; 0's footer names it.
     check(

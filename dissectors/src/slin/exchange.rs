@@ -258,6 +258,8 @@ impl Exchange {
 pub struct Distance {
     /// From the end of the one to the start of the other, in ns.
     pub gap: i64,
+    /// ± of it.
+    uncertainty: i64,
     /// Duration of a character in ns.
     character: i64,
 }
@@ -269,7 +271,7 @@ impl Distance {
         let character = wire.character_ns()?;
         let gap = later.start.since(earlier.start)? - character;
         let uncertainty = i64::from(earlier.uncertainty) + i64::from(later.uncertainty);
-        (uncertainty <= character / 2).then_some(Distance { gap, character })
+        (uncertainty <= character / 2).then_some(Distance { gap, uncertainty, character })
     }
 
     /// Whether the later one follows within half a character: what one station sends in one go.
@@ -278,10 +280,10 @@ impl Distance {
         self.gap < self.character / 2
     }
 
-    /// Whether the later one follows within two bits, as words that one encoder sends do.
+    /// Whether the later one may follow within two bits, as words that one encoder sends do.
     #[must_use]
     pub const fn is_joined(self) -> bool {
-        self.gap < self.character * 2 / 11
+        self.gap - self.uncertainty < self.character * 2 / 11
     }
 
     /// Whether more than one lost character fits between them.

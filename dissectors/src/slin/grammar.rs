@@ -117,7 +117,8 @@ impl Question<'_> {
         let may_be_request = bits_from_request(character) <= 1;
         if !is_control(character.byte()) {
             let stands_alone = self.follows() == Some(false) && !self.came_close();
-            let is_request = may_be_request && stands_alone && self.next.is_data();
+            let has_no_footer = self.next.is_data() || self.is_last();
+            let is_request = may_be_request && stands_alone && has_no_footer;
             return if is_request { Part::Request } else { Part::Data };
         }
         // Long after the request nothing is its first data word.
@@ -160,10 +161,9 @@ impl Question<'_> {
             }
         } else {
             let is_footer = self.is_perfect_footer(character.byte() | 0x80);
-            let is_apart = self.behind().is_some_and(|behind| !behind.is_joined());
             let is_before_footer =
                 self.next.intact_control().is_some_and(|control| !self.is_request(control));
-            if is_footer && is_apart && !self.next.is_data() {
+            if is_footer && self.is_apart() && !self.next.is_data() {
                 Part::Footer
             } else if self.follows() == Some(true) || is_before_footer && self.follows().is_none() {
                 Part::Data
@@ -184,23 +184,17 @@ impl Question<'_> {
     }
 
     /// Whether, with the damaged character as a data word whose bit 7 flipped, the control word
-    /// right behind it is the footer. Where the damaged one is a perfect footer itself, the other
-    /// must be joined to it.
+    /// joined to it is the footer.
     fn ends_the_answer_with(&self, damaged: &Character, control: u8) -> bool {
         let bit3 = Footer::of(control).bit3;
-        if self.expectation.bit3.is_some_and(|expected| expected != bit3) {
-            return false;
-        }
-        if self.is_perfect_footer(damaged.byte())
-            && self.behind().is_some_and(|behind| !behind.is_joined())
-        {
+        if self.expectation.bit3.is_some_and(|expected| expected != bit3) || self.is_apart() {
             return false;
         }
         let mut data = [0; super::exchange::CAPACITY];
         let words = self.exchange.words();
         data[..words].copy_from_slice(self.exchange.data());
         data[words] = damaged.byte() & 0x7F;
-        self.follows() != Some(false) && self.fits_as_footer(control, &data[..=words])
+        self.fits_as_footer(control, &data[..=words])
     }
 
     /// Whether a control word fits the words so far as their footer, and its station's habits.
@@ -231,6 +225,17 @@ impl Question<'_> {
             Next::Silence => Some(false),
             Next::Character(_) => self.behind().map(Distance::is_close),
         }
+    }
+
+    /// Whether what follows is not joined to it, as words that one encoder sends are.
+    fn is_apart(&self) -> bool {
+        self.behind().is_some_and(|behind| !behind.is_joined())
+    }
+
+    /// Whether no other word of the same answer can follow: there is silence, or room for more
+    /// than a lost one.
+    fn is_last(&self) -> bool {
+        matches!(self.next, Next::Silence) || self.behind().is_some_and(Distance::is_far)
     }
 
     /// How far behind it the next one came.
