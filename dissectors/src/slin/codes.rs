@@ -130,7 +130,7 @@ pub static NO_RESPONSE: Code = Code {
     is_cause: false,
     meaning: "A station that answered before did not answer this request.",
     rule: "The encoder answers within 1 ms (Baumer SLIN §3.2), after 0.1 to 0.4 ms (TR SLIN §6).",
-    evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). Heard before is a station with one undamaged answer that named itself; a damaged request is not counted, it may have been for another. From the third in a row it is a state: told when it begins and when it ends.",
+    evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). Heard before is a station with one undamaged answer that named itself; a damaged request is not counted, it may have been for another. From the third in a row it is a state: told when it begins and when it ends; `fieldtap stats` counts every request of it.",
     causes: &[
         "the station lost its supply, or its plug is loose",
         "the request was damaged on its way to the station (the tap may hear it better)",

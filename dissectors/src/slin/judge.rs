@@ -13,12 +13,15 @@ use alloc::vec::Vec;
 #[derive(Default, Debug)]
 pub(super) struct Verdict {
     pub findings: Vec<Finding>,
+    /// States that were told before and go on.
+    pub ongoing: Vec<&'static Code>,
     pub withheld: Vec<&'static Code>,
 }
 
 impl Verdict {
     pub fn clear(&mut self) {
         self.findings.clear();
+        self.ongoing.clear();
         self.withheld.clear();
     }
 

@@ -237,9 +237,7 @@ impl Ledger {
             self.verdict.add(Finding::new(&codes::AMBIGUOUS));
         } else if end != End::Cut && !exchange.may_be_answer && !request.is_damaged() {
             let asked_until = request.start.plus(self.wire.character_ns().unwrap_or_default());
-            if let Some(finding) = station.miss(asked_until) {
-                self.verdict.add(finding);
-            }
+            station.miss(asked_until, &mut self.verdict);
         }
     }
 
