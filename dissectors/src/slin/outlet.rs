@@ -22,6 +22,7 @@ impl Outlet<'_, '_> {
             .of_characters(telegram.characters);
         record.station = telegram.address.map(|address| u16::from(address.get()));
         record.findings = &verdict.findings;
+        record.ongoing = &verdict.ongoing;
         record.withheld = &verdict.withheld;
         record.duration = self.duration(telegram.characters);
         record.turn = match kind {

@@ -67,15 +67,16 @@ impl Signature {
     /// explains a lack of exchanges.
     #[must_use]
     pub fn verdict(&self, is_set_up_wrong: bool) -> Option<Finding> {
+        let not_slin = Finding::new(&codes::NOT_SLIN).limit(self.characters.cast_signed());
         if let Some(requests) = self.other_protocol() {
-            return Some(Finding::new(&codes::NOT_SLIN).actual(requests.cast_signed()));
+            return Some(not_slin.actual(requests.cast_signed()));
         }
         let is_foreign = !is_set_up_wrong
             && self.complete == 0
             && self.characters >= ENOUGH
             && self.explained * 2 < self.characters
             && self.damaged * 2 < self.characters;
-        is_foreign.then(|| Finding::new(&codes::NOT_SLIN).limit(self.characters.cast_signed()))
+        is_foreign.then_some(not_slin)
     }
 }
 
@@ -93,7 +94,12 @@ mod tests {
         signature.explain(3);
         signature.complete();
         assert_eq!(signature.speaks_for_slin(), None);
-        assert_eq!(signature.verdict(false).and_then(|finding| finding.actual), Some(1));
+        let finding = signature.verdict(false).unwrap();
+        assert_eq!(
+            (finding.actual, finding.limit),
+            (Some(1), Some(13)),
+            "1 request in 13 characters"
+        );
     }
 
     #[test]
