@@ -242,7 +242,7 @@ fn a_damaged_footer_is_one_though_the_next_request_is_close() {
         "83 +150 74 7F 11 82* +300 83 +150 74 7F 11 83 +3000",
         &[
             "1 request 3",
-            "2 response 2 at 294900 to 1 slin.parity slin.address-mismatch",
+            "2 response 3 at 294900 to 1 slin.parity slin.address-mismatch",
             "3 request 3",
             "4 response 3 at 294900 to 3",
         ],

@@ -430,7 +430,7 @@ pub static NOT_SLIN: Code = Code {
     is_cause: true,
     meaning: "What is on this line does not speak SLIN.",
     rule: "Request 80h to 87h, data words, footer (Baumer SLIN §3.2, TR SLIN §6). Baumer's other RS485 protocol: 38400 Bd, 8N1, request 01 80 address 80 04, answer with six bytes between 01 and LRC 04.",
-    evidence: "Requests of Baumer's other protocol, at least one for every two exchanges that seem complete: in the whole capture where it was read as SLIN, in its first 256 characters or 2 s where auto decides. Or no complete exchange in a whole capture of at least 16 characters that was read as SLIN, less than half of them damaged and less than half of them requests and answers, and no wrong set-up of the tap to explain it. Told once, at the end.",
+    evidence: "Requests of Baumer's other protocol, at least one for every two exchanges that seem complete: in the whole capture where it was read as SLIN, in its first 256 characters or 2 s where auto decides. Or no complete exchange in a whole capture of at least 16 characters that was read as SLIN, less than half of them damaged, less than half of them requests and answers under these settings, less than a quarter of the control words footers under any, and no wrong set-up of the tap to explain it. Told once, at the end.",
     causes: &[
         "the encoder is a GXM7W/GXM7S with ordinary RS485: same housing and plug, another protocol",
         "another device or protocol on this line",
