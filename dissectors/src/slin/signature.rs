@@ -128,7 +128,9 @@ mod tests {
     fn slin_read_with_another_profile_is_still_slin() {
         let mut signature = Signature::default();
         for address in [0, 1, 2, 3].repeat(4) {
-            [0x80 | address, 0x1A, 0x01, 0x90 | address].map(|byte| signature.hear(byte, false));
+            for byte in [0x80 | address, 0x1A, 0x01, 0x90 | address] {
+                signature.hear(byte, false);
+            }
         }
         assert_eq!(signature.verdict(false), None);
     }
