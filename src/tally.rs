@@ -2,7 +2,7 @@
 
 use dissectors::event::Moment;
 use dissectors::field::{Role, Value};
-use dissectors::finding::{Code, Severity, State};
+use dissectors::finding::{Code, Finding, Severity, State};
 use dissectors::record::{Record, Sink, Turn};
 use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
@@ -66,7 +66,7 @@ pub struct FindingTally {
     pub bus: String,
     /// The station it concerns.
     pub station: Option<u16>,
-    /// How often, ends of states not counted.
+    /// How often: the begin of a state and its repeats, not its end.
     pub count: u64,
     /// When.
     pub period: Period,
@@ -144,31 +144,29 @@ impl Tally {
     }
 
     fn add_findings(&mut self, record: &Record<'_>) {
-        for finding in record.findings {
-            if matches!(finding.state, Some(State::End(_))) {
-                continue;
-            }
-            let is_it = |tally: &FindingTally| {
-                tally.code == finding.code
-                    && tally.station == record.station
-                    && tally.bus == record.bus.name
-            };
-            let index = self.findings.iter().position(is_it).unwrap_or_else(|| {
-                self.findings.push(FindingTally {
-                    code: finding.code,
-                    bus: record.bus.name.clone(),
-                    station: record.station,
-                    count: 0,
-                    period: Period::NEVER,
-                });
-                self.findings.len() - 1
-            });
-            self.findings[index].count += 1;
-            self.findings[index].period.add(record.start);
+        let is_end = |finding: &&Finding| matches!(finding.state, Some(State::End(_)));
+        let told = record.findings.iter().filter(|finding| !is_end(finding));
+        for code in told.map(|finding| finding.code).chain(record.ongoing.iter().copied()) {
+            let finding = self.finding(code, record);
+            finding.count += 1;
+            finding.period.add(record.start);
         }
         for code in record.withheld {
             *self.withheld.entry(code.name).or_default() += 1;
         }
+    }
+
+    fn finding(&mut self, code: &'static Code, record: &Record<'_>) -> &mut FindingTally {
+        let (bus, station) = (&record.bus.name, record.station);
+        let is_it = |tally: &FindingTally| {
+            tally.code == code && tally.station == station && tally.bus == *bus
+        };
+        let index = self.findings.iter().position(is_it).unwrap_or_else(|| {
+            let (bus, period) = (bus.clone(), Period::NEVER);
+            self.findings.push(FindingTally { code, bus, station, count: 0, period });
+            self.findings.len() - 1
+        });
+        &mut self.findings[index]
     }
 }
 

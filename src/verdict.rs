@@ -157,8 +157,11 @@ fn nothing(tally: &Tally, pipeline: &Pipeline) -> String {
 fn wrong(tally: &Tally, several: bool, clock: &Clock) -> Option<String> {
     let mut bad: Vec<&FindingTally> =
         tally.findings.iter().filter(|finding| finding.code.severity > Severity::Info).collect();
+    // A cause that lies in the bus as a whole may explain one that seems to lie at a station.
     let weight = |finding: &&FindingTally| {
-        Reverse((finding.code.is_cause, finding.code.severity, finding.count))
+        let is_cause = finding.code.is_cause;
+        let is_general = is_cause && finding.station.is_none();
+        Reverse((is_cause, is_general, finding.code.severity, finding.count))
     };
     bad.sort_by_key(weight);
     let worst = *bad.first()?;

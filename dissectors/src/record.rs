@@ -65,6 +65,8 @@ pub struct Record<'a> {
     pub heard: Heard<'a>,
     /// What was wrong. A code stands once.
     pub findings: &'a [Finding],
+    /// States that were told when they began and that hold here once more: to be counted.
+    pub ongoing: &'a [&'static Code],
     /// What could not be judged because of the clock.
     pub withheld: &'a [&'static Code],
     /// What the protocol knows of it.
@@ -119,6 +121,7 @@ impl<'a> Record<'a> {
             turn: Turn::Neither,
             heard: Heard::Nothing,
             findings: &[],
+            ongoing: &[],
             withheld: &[],
             layer,
         }

@@ -143,3 +143,15 @@ fn the_wiring_checks_of_the_manual_are_named() {
     }
     assert!(fieldtap(["explain", "slin.duplicate-address"]).good().stdout.contains("Ident"));
 }
+
+/// What the README shows of its first command.
+#[test]
+fn the_readme_shows_what_is_printed() {
+    let readme = std::fs::read_to_string(here("README.md")).expect("it is there");
+    let shown = readme.split("```").nth(3).expect("the second block");
+    let run = fieldtap(["read", argument(&here("captures/slin-parity/one-station.pcapng"))]).good();
+    let printed: Vec<&str> = run.stdout.lines().chain(run.stderr.lines()).collect();
+    for line in shown.lines().filter(|line| !matches!(*line, "" | "…")) {
+        assert!(printed.contains(&line), "{line}");
+    }
+}

@@ -1,6 +1,7 @@
 //! How runs end: exit statuses, messages, and the last four lines.
 
 use crate::harness::{Scratch, argument, codes, fieldtap, fieldtap_fed};
+use serde_json::Value;
 use std::io::{Read, Write};
 use std::process::{Command, Stdio};
 
@@ -104,6 +105,33 @@ fn silent_stations_are_named_with_their_count() {
         run.stdout
     );
     assert!(run.stderr.contains("WRONG  0: 1 x checksum"), "{}", run.stderr);
+}
+
+#[test]
+fn every_request_of_a_silence_is_counted() {
+    // Encoder 0 answers, is silent for 500 requests from 1 s on, 20 ms apart, and answers again.
+    let silence: String =
+        (50..550).map(|n| format!("{}.{:02}0,80,ok\n", n / 50, n % 50 * 2)).collect();
+    let answer = "11.000000,80,ok\n11.000345,1A,ok\n11.000440,01,ok\n11.000536,98,ok\n";
+    let capture = GOOD.to_owned() + &silence + answer;
+    let stats = ["stats", "--format", "json", "--profile", "baumer", "-"];
+    let run = fieldtap_fed(stats, capture.as_bytes()).good();
+    let stats: Value = serde_json::from_str(&run.stdout).expect("an object");
+    let finding = &stats["findings"][0];
+    assert_eq!((&finding["code"], &finding["count"]), (&"slin.no-response".into(), &500.into()));
+    // The last one is asked at 10.98 s.
+    assert_eq!(finding["first_ns"], 1_000_000_000_i64);
+    assert_eq!(finding["last_ns"], 10_980_000_000_i64);
+    assert!(
+        run.stderr.contains("WRONG  0: 500 x no-response, 1.000 s to 10.980 s"),
+        "{}",
+        run.stderr
+    );
+    // Yet it is told as a state: twice singly, its begin, its end.
+    let read = ["read", "--format", "json", "--profile", "baumer", "-"];
+    let records = fieldtap_fed(read, capture.as_bytes()).good().records();
+    let told = records.iter().flat_map(codes).filter(|code| code == "slin.no-response");
+    assert_eq!(told.count(), 4);
 }
 
 #[test]

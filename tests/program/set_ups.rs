@@ -49,3 +49,11 @@ fn right_settings_are_not_doubted() {
         assert_eq!(causes(capture, options).0, [""; 0], "{capture} {options:?}");
     }
 }
+
+#[test]
+fn another_profile_is_no_other_protocol() {
+    let capture = here("captures/good/tr.sr");
+    let run = fieldtap(["stats", argument(&capture), "--profile", "baumer"]).good();
+    assert!(run.stderr.contains("x missing-footer"), "{}", run.stderr);
+    assert!(run.stderr.contains("-> read with --profile auto"), "{}", run.stderr);
+}

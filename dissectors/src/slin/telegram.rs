@@ -195,6 +195,18 @@ impl Telegram<'_> {
     }
 }
 
+impl Telegram<'_> {
+    /// Whose record it is: a footer that was damaged names nobody.
+    pub fn whose(&self) -> Option<Address> {
+        let is_damaged = |(part, character): (&Part, &Character)| {
+            *part == Part::Footer && character.is_damaged()
+        };
+        let asked = self.request.map(|(_, address)| address);
+        let is_torn = self.parts.iter().zip(self.characters).any(is_damaged);
+        asked.filter(|_| is_torn).or(self.address)
+    }
+}
+
 impl Layer for Telegram<'_> {
     fn get(&self, field: FieldId) -> Value<'_> {
         self.value(field)
