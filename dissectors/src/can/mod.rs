@@ -14,7 +14,7 @@ pub use codes::{
     TRUNCATED, WRONG_BITRATE,
 };
 pub use dissector::{FIELDS, FrameFields, PROTOCOL};
-pub use errors::{ErrorClasses, ErrorDetail};
+pub use errors::{ErrorClasses, ErrorDetail, Violation};
 pub use frame::{Direction, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
 pub use length::checksum;
 pub use load::Load;
