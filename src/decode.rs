@@ -8,6 +8,7 @@ use crate::pipeline::{Consumer, Pipeline};
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
+use dissectors::can;
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
 use dissectors::protocol::Settings;
@@ -241,6 +242,7 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     Ok(Settings {
         protocol: decoding.protocol.given(),
         line,
+        can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
         stations,
     })

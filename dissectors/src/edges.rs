@@ -36,6 +36,23 @@ impl Edges {
         self.until = self.until.max(levels.until);
     }
 
+    /// All of it as one piece of line.
+    pub fn levels(&self) -> Levels<'_> {
+        Levels { edges: &self.ticks, level: self.level, from: self.from, until: self.until }
+    }
+
+    /// As much of it as is needed to find something out, however the line came in pieces.
+    pub fn beginning(&self, ticks_per_second: u64) -> Edges {
+        let first = self.ticks.first().copied().unwrap_or(self.until);
+        let latest = first.saturating_add(ENOUGH_SECONDS.saturating_mul(ticks_per_second));
+        let early = self.ticks.partition_point(|tick| *tick < latest).min(ENOUGH);
+        let until = match self.ticks.get(early.saturating_sub(1)) {
+            Some(last) if early == ENOUGH => last.saturating_add(1),
+            _ => self.until.min(latest),
+        };
+        Edges { ticks: self.ticks[..early].to_vec(), until, ..*self }
+    }
+
     /// The index of the first falling edge, for a line whose idle level is high, or low if
     /// inverted.
     pub fn first_falling(&self, is_inverted: bool) -> usize {

@@ -18,6 +18,7 @@ mod edges;
 pub mod event;
 pub mod field;
 pub mod finding;
+mod line;
 pub mod protocol;
 pub mod record;
 pub mod slin;

@@ -29,6 +29,7 @@ pub struct Watch {
     repeats: u32,
     errors_alone: u32,
     has_good: bool,
+    is_rate_doubted: bool,
 }
 
 impl Watch {
@@ -43,6 +44,7 @@ impl Watch {
             repeats: 0,
             errors_alone: 0,
             has_good: false,
+            is_rate_doubted: false,
         }
     }
 
@@ -56,6 +58,12 @@ impl Watch {
     #[must_use]
     pub const fn is_repeating(&self) -> bool {
         self.repeats > 0
+    }
+
+    /// Takes note of a finding about the bus that was made by other means: its cause is not told
+    /// again.
+    pub fn note(&mut self, finding: &Finding) {
+        self.is_rate_doubted |= finding.code == &codes::WRONG_BITRATE;
     }
 
     /// Takes the next frame and adds what is wrong with it. Returns its bits on the wire, if known.
@@ -104,7 +112,7 @@ impl Watch {
                 findings.push(Finding::new(code));
             }
         }
-        if !self.has_good {
+        if !self.has_good && !self.is_rate_doubted {
             self.errors_alone += 1;
             if self.errors_alone == ERRORS_ALONE {
                 let count = i64::from(ERRORS_ALONE);
