@@ -6,7 +6,8 @@
 
 use crate::decoder::Decoder;
 use crate::event::{Event, Levels, Moment};
-use crate::line::Line;
+use crate::finding::Finding;
+use crate::line::{Line, Listener};
 use crate::protocol::{Conclusion, Protocol, Settings};
 use crate::record::{BusInfo, Output};
 use crate::uart::{Baud, Format, Wire};
@@ -153,12 +154,26 @@ impl Bus {
 
     /// Takes the next levels, or that none follow.
     fn hear_levels(&mut self, levels: Option<&Levels<'_>>, out: &mut Output<'_>) {
-        let Bus { line, decoder, .. } = self;
-        let mut emit = |wire, event: Event<'_>| decoder.hear(wire, event, out);
+        let mut behind = Behind { decoder: &mut self.decoder, out };
         match levels {
-            Some(levels) => line.hear(levels, &mut emit),
-            None => line.end(&mut emit),
+            Some(levels) => self.line.hear(levels, &mut behind),
+            None => self.line.end(&mut behind),
         }
-        line.take_doubt().into_iter().for_each(|finding| decoder.note(finding));
+    }
+}
+
+/// What is behind a line.
+struct Behind<'a, 'b> {
+    decoder: &'a mut Decoder,
+    out: &'a mut Output<'b>,
+}
+
+impl Listener for Behind<'_, '_> {
+    fn hear(&mut self, wire: Wire, event: Event<'_>) {
+        self.decoder.hear(wire, event, self.out);
+    }
+
+    fn note(&mut self, finding: Finding) {
+        self.decoder.note(finding);
     }
 }

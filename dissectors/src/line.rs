@@ -7,6 +7,16 @@ use crate::event::{Event, Levels};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Medium, Settings};
 use crate::uart::{self, LineSettings, Wire};
+use alloc::boxed::Box;
+
+/// Who listens to what comes off a line.
+pub(crate) trait Listener {
+    /// Takes what was heard on a wire of that rate and format.
+    fn hear(&mut self, wire: Wire, event: Event<'_>);
+
+    /// Takes what is wrong with the settings that were given.
+    fn note(&mut self, finding: Finding);
+}
 
 /// From levels to characters or frames.
 pub(crate) enum Line {
@@ -15,7 +25,7 @@ pub(crate) enum Line {
     /// Not known yet: levels are held back until frames speak for themselves, or do not.
     Open { held: Edges, sampling: Sampling, given: LineSettings },
     /// A line that carries characters.
-    Serial(uart::Line),
+    Serial(Box<uart::Line>),
     /// A line that carries frames.
     Can(can::Line),
 }
@@ -28,12 +38,12 @@ impl Line {
         let given = settings.line;
         let is_serial = given.baud.is_some() || given.format.is_some();
         match settings.protocol.map(|protocol| protocol.medium) {
-            Some(Medium::Serial) => Line::Serial(uart::Line::new(sampling, given)),
+            Some(Medium::Serial) => Line::Serial(Box::new(uart::Line::new(sampling, given))),
             Some(Medium::Can) => Line::Can(can::Line::new(sampling, settings.can, given.inverted)),
             None if settings.can.bitrate.is_some() => {
                 Line::Can(can::Line::new(sampling, settings.can, given.inverted))
             }
-            None if is_serial => Line::Serial(uart::Line::new(sampling, given)),
+            None if is_serial => Line::Serial(Box::new(uart::Line::new(sampling, given))),
             None => Line::Open { held: Edges::default(), sampling, given },
         }
     }
@@ -74,53 +84,50 @@ impl Line {
         }
     }
 
-    /// What is wrong with the settings that were given, once it is seen. It is handed out once.
-    pub fn take_doubt(&mut self) -> Option<Finding> {
-        match self {
-            Line::None | Line::Open { .. } => None,
-            Line::Serial(line) => line.take_doubt(),
-            Line::Can(line) => line.take_doubt(),
-        }
-    }
-
     /// Takes the next piece of line.
-    pub fn hear(&mut self, levels: &Levels<'_>, emit: &mut impl FnMut(Wire, Event<'_>)) {
+    pub fn hear(&mut self, levels: &Levels<'_>, listener: &mut impl Listener) {
         match self {
             Line::None => {}
-            Line::Serial(line) => line.hear(levels, emit),
-            Line::Can(line) => line.hear(levels, emit),
+            Line::Serial(line) => {
+                line.hear(levels, &mut |wire, event| listener.hear(wire, event));
+                line.take_doubt().into_iter().for_each(|finding| listener.note(finding));
+            }
+            Line::Can(line) => line.hear(levels, listener),
             Line::Open { held, sampling, .. } => {
                 held.add(levels);
                 if held.is_enough(sampling.ticks_per_second) {
-                    self.decide(emit);
+                    self.decide(listener);
                 }
             }
         }
     }
 
     /// The line is not heard any further, or not for a while.
-    pub fn end(&mut self, emit: &mut impl FnMut(Wire, Event<'_>)) {
+    pub fn end(&mut self, listener: &mut impl Listener) {
         if let Line::Open { held, .. } = self
             && !held.ticks.is_empty()
         {
-            self.decide(emit);
+            self.decide(listener);
         }
         match self {
             Line::None | Line::Open { .. } => {}
-            Line::Serial(line) => line.end(emit),
-            Line::Can(line) => line.end(emit),
+            Line::Serial(line) => {
+                line.end(&mut |wire, event| listener.hear(wire, event));
+                line.take_doubt().into_iter().for_each(|finding| listener.note(finding));
+            }
+            Line::Can(line) => line.end(listener),
         }
     }
 
     /// Decides what the line carries, and passes on what was held back.
-    fn decide(&mut self, emit: &mut impl FnMut(Wire, Event<'_>)) {
+    fn decide(&mut self, listener: &mut impl Listener) {
         let Line::Open { held, sampling, given } = self else { return };
         let (held, sampling, given) = (core::mem::take(held), *sampling, *given);
         *self = if can::line::is_can(&held, sampling, given.inverted) {
             Line::Can(can::Line::new(sampling, can::Settings::default(), given.inverted))
         } else {
-            Line::Serial(uart::Line::new(sampling, given))
+            Line::Serial(Box::new(uart::Line::new(sampling, given)))
         };
-        self.hear(&held.levels(), emit);
+        self.hear(&held.levels(), listener);
     }
 }

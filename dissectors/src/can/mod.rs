@@ -18,7 +18,7 @@ pub use dissector::{FIELDS, FrameFields, PROTOCOL};
 pub use errors::{ErrorClasses, ErrorDetail, Violation};
 pub use frame::{Direction, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
 pub use length::checksum;
-pub use line::Line;
+pub(crate) use line::Line;
 pub use load::Load;
 pub(crate) use rate::bitrate_from_spacing;
 pub use watch::Watch;

@@ -9,6 +9,9 @@ const SAMPLE_POINT: i64 = 3;
 /// width is to a controller (CAN 2.0, part A §8).
 const JUMP: i64 = 4;
 
+/// How far the clock of a sender may be off, as a share of a bit.
+const DRIFT: i64 = 128;
+
 /// Fractions of a tick that are reckoned with.
 const TICK: i64 = 1 << 16;
 
@@ -16,10 +19,10 @@ const TICK: i64 = 1 << 16;
 const LONGEST: u64 = 1 << 44;
 
 /// The longest bit.
-const SLOWEST: i64 = 1 << 56;
+const SLOWEST: i64 = 1 << 48;
 
-/// Counts bits between edges. A level change is known to have been at its tick or up to one tick
-/// before: that is no phase error.
+/// Counts bits between edges. A level change was at its tick or up to one tick before, so that each
+/// edge narrows down where bits begin.
 #[derive(Clone, Debug)]
 pub(super) struct BitClock {
     /// Duration of a bit.
@@ -28,6 +31,10 @@ pub(super) struct BitClock {
     base: u64,
     /// The next sample point, from there.
     next: i64,
+    /// Bits may begin by so much earlier or later than it is reckoned.
+    doubt: i64,
+    /// How many bits ago that was known.
+    age: i64,
     /// Where the bits that are counted began, and how many there were.
     origin: u64,
     bits: u64,
@@ -37,7 +44,7 @@ impl BitClock {
     /// A clock whose bits last so many ticks.
     pub fn new(ticks_a_bit: f64) -> Self {
         let bit = ((ticks_a_bit * TICK as f64) as i64).clamp(TICK, SLOWEST);
-        BitClock { bit, base: 0, next: 0, origin: 0, bits: 0 }
+        BitClock { bit, base: 0, next: 0, doubt: 0, age: 0, origin: 0, bits: 0 }
     }
 
     /// Pulses of fewer ticks than this are shorter than a quarter of a bit.
@@ -60,6 +67,7 @@ impl BitClock {
         let count = (ahead - 1) / self.bit + 1;
         self.next += count * self.bit;
         self.bits += count.unsigned_abs();
+        self.age += count;
         u32::try_from(count).unwrap_or(u32::MAX)
     }
 
@@ -73,14 +81,20 @@ impl BitClock {
     /// A bit begins with the last edge: hard synchronisation.
     pub fn synchronize(&mut self) {
         self.next = self.bit * SAMPLE_POINT / 4 - TICK / 2;
+        (self.doubt, self.age) = (TICK / 2, 0);
         (self.origin, self.bits) = (self.base, 0);
     }
 
     /// A bit should begin with the last edge: the clock is moved towards it.
     pub fn resynchronize(&mut self) {
         let begins = self.next - self.bit * SAMPLE_POINT / 4;
-        let error = if begins < -TICK { begins + TICK } else { begins.max(0) };
+        let doubt = self.doubt + self.age.min(DRIFT) * self.bit / DRIFT;
+        // What was reckoned and what was seen, as far as they agree.
+        let earliest = (begins - doubt).clamp(-TICK, 0);
+        let latest = (begins + doubt).clamp(-TICK, 0);
+        let error = begins - (earliest + latest) / 2;
         self.next -= error.clamp(-self.bit / JUMP, self.bit / JUMP);
+        (self.doubt, self.age) = ((latest - earliest) / 2, 0);
     }
 
     /// How many ticks passed from the hard synchronisation to the last edge, and how many bits.

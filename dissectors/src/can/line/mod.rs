@@ -10,7 +10,7 @@ use super::Settings;
 use crate::bus::Sampling;
 use crate::edges::Edges;
 use crate::event::{Event, Levels};
-use crate::finding::Finding;
+use crate::line::Listener;
 use crate::protocol::Conclusion;
 use crate::uart::{Baud, Format, Wire};
 use alloc::{boxed::Box, string::String, string::ToString, vec::Vec};
@@ -29,13 +29,12 @@ pub(crate) fn is_can(edges: &Edges, sampling: Sampling, inverted: Option<bool>) 
 
 /// One line of a logic capture that carries frames.
 #[derive(Debug)]
-pub struct Line {
+pub(crate) struct Line {
     sampling: Sampling,
     given: Given,
     stage: Stage,
     conclusions: Vec<Conclusion>,
     is_inverted: bool,
-    doubt: Option<Finding>,
 }
 
 #[derive(Debug)]
@@ -55,7 +54,6 @@ impl Line {
             stage: Stage::Finding(Edges::default()),
             conclusions: Vec::new(),
             is_inverted: inverted.unwrap_or(false),
-            doubt: None,
         }
     }
 
@@ -89,47 +87,42 @@ impl Line {
         &self.conclusions
     }
 
-    /// What is wrong with the settings that were given, once it is seen. It is handed out once,
-    /// before the frames.
-    pub fn take_doubt(&mut self) -> Option<Finding> {
-        self.doubt.take()
-    }
-
-    /// Takes the next piece of line.
-    pub fn hear(&mut self, levels: &Levels<'_>, emit: &mut impl FnMut(Wire, Event<'_>)) {
+    /// Takes the next piece of line. Doubts about what was given are told before the first frame.
+    pub fn hear(&mut self, levels: &Levels<'_>, listener: &mut impl Listener) {
         match &mut self.stage {
             Stage::Receiving { receiver, wire } => {
                 receiver.hear(levels);
-                pass_on(receiver, *wire, emit);
+                pass_on(receiver, *wire, listener);
             }
             Stage::Finding(held) => {
                 held.add(levels);
                 if held.is_enough(self.sampling.ticks_per_second) {
-                    self.find_out(emit);
+                    self.find_out(listener);
                 }
             }
         }
     }
 
     /// The line is not heard any further, or not for a while.
-    pub fn end(&mut self, emit: &mut impl FnMut(Wire, Event<'_>)) {
+    pub fn end(&mut self, listener: &mut impl Listener) {
         if let Stage::Finding(held) = &self.stage
             && !held.ticks.is_empty()
         {
-            self.find_out(emit);
+            self.find_out(listener);
         }
         if let Stage::Receiving { receiver, .. } = &mut self.stage {
             receiver.end();
         }
     }
 
-    fn find_out(&mut self, emit: &mut impl FnMut(Wire, Event<'_>)) {
+    fn find_out(&mut self, listener: &mut impl Listener) {
         let Stage::Finding(held) = &mut self.stage else { return };
         let held = core::mem::take(held);
         let beginning = held.beginning(self.sampling.ticks_per_second);
         let found = find(&beginning, self.sampling, self.given);
         if self.given != (Given { bitrate: None, inverted: None }) {
-            self.doubt = doubt(&beginning, self.sampling, self.given, found.as_ref());
+            let doubt = doubt(&beginning, self.sampling, self.given, found.as_ref());
+            doubt.into_iter().for_each(|finding| listener.note(finding));
         }
         self.conclude(found.as_ref());
         let wire = self.given.bitrate.or(found.map(|found| found.bitrate));
@@ -139,7 +132,7 @@ impl Line {
         let mut receiver = Receiver::new(bit, self.is_inverted, self.sampling);
         let wire = Wire::new(Some(bitrate), Format::FT12);
         receiver.hear(&held.levels());
-        pass_on(&mut receiver, wire, emit);
+        pass_on(&mut receiver, wire, listener);
         self.stage = Stage::Receiving { receiver: Box::new(receiver), wire };
     }
 
@@ -164,9 +157,9 @@ impl Line {
     }
 }
 
-fn pass_on(receiver: &mut Receiver, wire: Wire, emit: &mut impl FnMut(Wire, Event<'_>)) {
+fn pass_on(receiver: &mut Receiver, wire: Wire, listener: &mut impl Listener) {
     if !receiver.frames.is_empty() {
-        emit(wire, Event::Frames(&receiver.frames));
+        listener.hear(wire, Event::Frames(&receiver.frames));
         receiver.frames.clear();
     }
 }
