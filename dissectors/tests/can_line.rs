@@ -544,6 +544,24 @@ proptest! {
         assert_heard(&heard, &sent, &format!("{samples} {percent} {phase}"));
     }
 
+    /// Characters with even parity are not taken for frames, whatever their rate and spacing.
+    #[test]
+    fn characters_are_no_frames(
+        characters in vec((any::<u8>(), 0..40_usize), 1..400),
+        samples in 4.0..40.0_f64,
+    ) {
+        let send = |wire: Wire, (byte, pause): &(u8, usize)| {
+            let parity = byte.count_ones() % 2 == 1;
+            let data: Vec<bool> = (0..8).map(|bit| byte >> bit & 1 == 1).collect();
+            wire.dominant(1).bits(&data).put(parity, 1).idle(1 + pause / 4 * (pause % 4))
+        };
+        let wire = characters.iter().fold(Wire::default().idle(30), send);
+        let tap = Tap { settings: Settings::default(), ..Tap::new(samples) };
+        let edges = wire.edges(samples, 0.2);
+        let (_, bus) = tap.hear_edges(&edges, &[0, (wire.bits.len() as f64 * samples) as u64 + 9]);
+        prop_assert!(bus.protocol().is_none_or(|protocol| protocol != &can::PROTOCOL));
+    }
+
     /// However a line is divided into pieces, be it inside a bit or a glitch, and however damaged it
     /// is, the same is heard.
     #[test]
