@@ -82,6 +82,10 @@ pub struct Decoding {
     #[arg(long, value_name = "WHEN", default_value = "auto", help_heading = "Bus")]
     pub invert: Invert,
 
+    /// CAN: bit rate in bit/s, or auto.
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(baud), help_heading = "Bus")]
+    pub bitrate: Auto<Baud>,
+
     /// SLIN: whose encoders these are.
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named(&Profile::NAMES), help_heading = "SLIN")]
     pub profile: Profile,

@@ -9,6 +9,7 @@ use crate::say;
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
+use dissectors::can;
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
 use dissectors::protocol::Settings;
@@ -250,6 +251,7 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     Ok(Settings {
         protocol: decoding.protocol.given(),
         line,
+        can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
         stations,
     })

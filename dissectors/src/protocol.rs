@@ -72,6 +72,8 @@ pub struct Settings {
     pub protocol: Option<&'static Protocol>,
     /// Rate, format and polarity of serial lines.
     pub line: uart::LineSettings,
+    /// The bit rate of CAN lines.
+    pub can: can::Settings,
     /// What is known of SLIN encoders.
     pub slin: slin::Settings,
     /// Names and resolutions of stations.

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::process::Command;
 
 /// What a peer prints, or nothing if it may be absent and is.
-fn ask(program: &str, package: &str, arguments: &[&str]) -> Option<String> {
+pub fn ask(program: &str, package: &str, arguments: &[&str]) -> Option<String> {
     match Command::new(program).args(arguments).output() {
         Ok(output) => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
         Err(error) => {

@@ -98,6 +98,8 @@ pub struct Frame {
     pub direction: Option<Direction>,
     /// Whether its checksum fits, if the source has the bits.
     pub crc: Option<bool>,
+    /// Whether somebody acknowledged it, if the source has the bits.
+    pub is_acknowledged: Option<bool>,
     /// The bits it took on the wire, where the source saw them: SOF to the end of the intermission.
     pub measured_bits: Option<u16>,
     /// How many data bytes it had, where the capture has fewer.
@@ -131,6 +133,7 @@ impl Frame {
             dlc,
             direction: None,
             crc: None,
+            is_acknowledged: None,
             measured_bits: None,
             original_length: None,
             length: 0,

@@ -53,7 +53,18 @@ pub fn of(frame: &Frame) -> u16 {
 
 /// The checksum of a sequence of bits, the most significant first.
 pub fn checksum(bits: impl Iterator<Item = bool>) -> u16 {
-    bits.fold(0, |sum, bit| advance(sum, bit))
+    bits.fold(0, advance)
+}
+
+/// The checksum of the bits of a number: zeros before the first one do not count.
+pub fn checksum_of(bits: u128) -> u16 {
+    let first = bits.leading_zeros() as usize / 8;
+    let bytes = bits.to_be_bytes();
+    bytes[first..].iter().fold(0, |sum, byte| add_byte(sum, *byte))
+}
+
+fn add_byte(sum: u16, byte: u8) -> u16 {
+    (sum << 8 & 0x7FFF) ^ CHECKSUMS[usize::from((sum >> 7) as u8 ^ byte)]
 }
 
 const fn advance(sum: u16, bit: bool) -> u16 {
@@ -86,8 +97,7 @@ impl Bits {
     }
 
     fn push_byte(&mut self, byte: u8) {
-        let index = (self.sum >> 7) as u8 ^ byte;
-        self.sum = (self.sum << 8 & 0x7FFF) ^ CHECKSUMS[usize::from(index)];
+        self.sum = add_byte(self.sum, byte);
         self.stuff_byte(byte);
     }
 

@@ -1,8 +1,8 @@
 //! A second opinion on settings that the user gave: whether the line itself says otherwise.
 
 use super::find::{Found, find, fits};
-use super::receiver::Edges;
 use super::{Baud, LineSettings, codes};
+use crate::edges::Edges;
 use crate::finding::{Code, Finding};
 
 /// Share of characters with their stop bits that makes an opinion worth having, in percent.

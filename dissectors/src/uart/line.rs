@@ -2,21 +2,15 @@
 
 use super::doubt::doubt;
 use super::find::find;
-use super::receiver::{Edges, Receiver};
+use super::receiver::Receiver;
 use super::sampler::Sampler;
 use super::{Baud, Format, LineSettings, Wire};
 use crate::bus::Sampling;
+use crate::edges::Edges;
 use crate::event::{Event, Levels};
 use crate::finding::Finding;
 use crate::protocol::Conclusion;
 use alloc::{string::String, string::ToString, vec::Vec};
-
-/// Edges that are held back at most to find rate, format and polarity: those of about 256
-/// characters, plus some.
-const HELD_EDGES: usize = 2048;
-
-/// How long edges are held back at most, in s.
-const HELD_SECONDS: u64 = 2;
 
 /// The rate to go on with where none was found.
 const USUAL_RATE: u32 = 115_200;
@@ -106,20 +100,14 @@ impl Line {
             Stage::Finding(held) => held.add(levels),
         }
         if let Stage::Finding(held) = &self.stage
-            && self.is_enough(held)
+            && held.is_enough(self.sampling.ticks_per_second)
         {
             self.find_out(false, emit);
         }
-        if self.to_check.as_ref().is_some_and(|first| self.is_enough(first)) {
+        let rate = self.sampling.ticks_per_second;
+        if self.to_check.as_ref().is_some_and(|first| first.is_enough(rate)) {
             self.check();
         }
-    }
-
-    /// Whether these are enough edges to find something out, or have taken long enough.
-    fn is_enough(&self, edges: &Edges) -> bool {
-        let first = edges.ticks.first().copied().unwrap_or(edges.until);
-        let time = edges.until.saturating_sub(first) / self.sampling.ticks_per_second.max(1);
-        edges.ticks.len() >= HELD_EDGES || time >= HELD_SECONDS
     }
 
     /// Holds the settings against what the line says itself.
