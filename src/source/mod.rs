@@ -1,6 +1,8 @@
 //! Where events come from: one file a format.
 
+mod buses;
 mod bytes;
+mod can;
 mod chars;
 #[cfg(test)]
 mod damage;
@@ -8,6 +10,7 @@ mod error;
 mod input;
 mod lanes;
 mod lines;
+mod link;
 mod logic;
 mod numbers;
 mod outbox;
@@ -69,9 +72,9 @@ pub trait Source {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 #[value(rename_all = "kebab-case")]
 pub enum InputFormat {
-    /// Packet capture with serial characters (link type 250)
+    /// Packet capture with serial characters (link type 250) or CAN frames (227, 113, 276)
     Pcap,
-    /// Packet capture of several interfaces, with serial characters (link type 250)
+    /// Packet capture of several interfaces, serial or CAN
     Pcapng,
     /// sigrok session
     Sr,
@@ -170,7 +173,7 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
     };
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
-        InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options)?)),
+        InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options))),
         InputFormat::Pcapng => Box::new(Reading::new(pcapng::PcapNg::new(input, options))),
         InputFormat::Sr => Box::new(sr::open(input, options)?),
         InputFormat::Vcd => Box::new(vcd::Vcd::new(input, options)?),

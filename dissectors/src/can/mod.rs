@@ -15,7 +15,7 @@ pub use codes::{
 };
 pub use dissector::{FIELDS, FrameFields, PROTOCOL};
 pub use errors::{ErrorClasses, ErrorDetail};
-pub use frame::{Direction, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
+pub use frame::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
 pub use length::checksum;
 pub use load::Load;
 pub(crate) use rate::bitrate_from_spacing;

@@ -1,0 +1,3 @@
+//! CAN frames: logs of text, one file a format, and the packets of captures.
+
+pub mod packet;
