@@ -96,6 +96,14 @@ pub enum InputFormat {
     Logic,
     /// Characters as text: time,byte,parity
     Chars,
+    /// CAN: the log of candump (-l, -L)
+    Candump,
+    /// CAN: what candump prints on a terminal
+    CandumpText,
+    /// CAN: trace of PEAK's programs
+    Trc,
+    /// CAN: log of Vector's programs, or BUSMASTER's
+    Asc,
 }
 
 /// What the user says about a source.
@@ -173,6 +181,13 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
     };
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
+        InputFormat::Candump => log(input, options, can::candump::Candump),
+        InputFormat::CandumpText => {
+            let grammar = can::console::Console::new(input.head());
+            log(input, options, grammar)
+        }
+        InputFormat::Trc => log(input, options, can::trc::Trc::new()),
+        InputFormat::Asc => log(input, options, can::asc::Asc::new()),
         InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options))),
         InputFormat::Pcapng => Box::new(Reading::new(pcapng::PcapNg::new(input, options))),
         InputFormat::Sr => Box::new(sr::open(input, options)?),
@@ -191,4 +206,12 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
             Box::new(Reading::new(saleae::table::Table::new(input, options)))
         }
     })
+}
+
+fn log<G: can::Grammar + 'static>(
+    input: Input,
+    options: &SourceOptions,
+    grammar: G,
+) -> Box<dyn Source> {
+    Box::new(Reading::new(can::Log::new(input, options, grammar)))
 }
