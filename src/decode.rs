@@ -241,6 +241,7 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     Ok(Settings {
         protocol: decoding.protocol.given(),
         line,
+        bitrate: decoding.bitrate.given(),
         slin: slin::Settings { profile: decoding.profile, checksum },
         stations,
     })

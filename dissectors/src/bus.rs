@@ -4,6 +4,7 @@
 //! held back and then decoded; from there on it is one pass. Rate, format and polarity of a line
 //! are found by [`uart::Line`], the protocol by the decoder behind it.
 
+use crate::can::Load;
 use crate::decoder::Decoder;
 use crate::event::{Event, Moment};
 use crate::protocol::{Conclusion, Protocol, Settings};
@@ -115,6 +116,12 @@ impl Bus {
     pub fn wire(&self) -> Wire {
         let line = self.line.as_ref().and_then(Line::wire);
         line.or(self.decoder.wire()).unwrap_or(self.given)
+    }
+
+    /// How busy it was, where frames tell.
+    #[must_use]
+    pub fn load(&self) -> Option<Load> {
+        self.decoder.load()
     }
 
     /// Whether the line is upside down.

@@ -6,13 +6,29 @@ use crate::field::{Field, FieldId, Role};
 use crate::finding::{Code, Finding};
 use crate::record::{BusInfo, Output};
 use crate::station::Stations;
-use crate::uart::{Character, Wire};
+use crate::uart::{Baud, Character, Wire};
 use crate::{can, slin, uart};
 use alloc::{boxed::Box, string::String, vec::Vec};
 
 /// Every protocol that can be spoken on a bus, the most particular first: `auto` takes the first
 /// that the traffic speaks for. A new one is added here and nowhere else.
 pub static PROTOCOLS: [&Protocol; 3] = [&slin::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
+
+/// The first field with each role, by protocol: statistics ask for them with every record.
+static ROLES: [[Option<FieldId>; Role::COUNT]; PROTOCOLS.len()] = {
+    let mut roles = [[None; Role::COUNT]; PROTOCOLS.len()];
+    let mut index = 0;
+    while index < PROTOCOLS.len() {
+        let fields = PROTOCOLS[index].fields;
+        let mut field = fields.len();
+        while field > 0 {
+            field -= 1;
+            roles[index][fields[field].role as usize] = Some(field);
+        }
+        index += 1;
+    }
+    roles
+};
 
 /// One protocol: its tables, and how to make a dissector for it.
 pub struct Protocol {
@@ -44,7 +60,10 @@ impl Protocol {
     /// The first field with this role.
     #[must_use]
     pub fn field_of(&self, role: Role) -> Option<FieldId> {
-        self.fields.iter().position(|field| field.role == role)
+        match PROTOCOLS.iter().position(|protocol| *protocol == self) {
+            Some(index) => ROLES[index][role as usize],
+            None => self.fields.iter().position(|field| field.role == role),
+        }
     }
 }
 
@@ -72,6 +91,8 @@ pub struct Settings {
     pub protocol: Option<&'static Protocol>,
     /// Rate, format and polarity of serial lines.
     pub line: uart::LineSettings,
+    /// Bit rate of CAN buses, or `None` to find out.
+    pub bitrate: Option<Baud>,
     /// What is known of SLIN encoders.
     pub slin: slin::Settings,
     /// Names and resolutions of stations.

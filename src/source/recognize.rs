@@ -145,6 +145,14 @@ mod tests {
             (InputFormat::SaleaeCsv, b"\xEF\xBB\xBF\"Time [s]\",\"A\"\n"),
             (InputFormat::SaleaeTable, b"name,type,start_time,duration,\"data\"\n"),
             (InputFormat::SaleaeTable, b"Time [s],Value,Parity Error,Framing Error\n"),
+            (InputFormat::Candump, b"(1700000010.000000) dn0 42C#010E010101\n"),
+            (InputFormat::Candump, b"# notes\n(000.000001)  can0 00000123#R4 T\r\n"),
+            (InputFormat::CandumpText, b"  can0  123   [2]  11 22\n"),
+            (InputFormat::CandumpText, b"$ candump any\n (001.5)  can0  RX - -  123   [0] \n"),
+            (InputFormat::Trc, b";$FILEVERSION=2.1\r\n"),
+            (InputFormat::Trc, b";####\n;   D:\\TEST.TRC\n     1)      1841 0001  1 00 \n"),
+            (InputFormat::Asc, b"date Sam Sep 30 15:06:13 2017\nbase hex  timestamps absolute\n"),
+            (InputFormat::Asc, b"base hex  no internal events logged\n"),
         ] {
             assert_eq!(found(beginning), Ok(format));
         }
@@ -164,6 +172,8 @@ mod tests {
             text.contains("begins with \"Grüße aus der Halle\"; --input-format takes pcap"),
             "{text}"
         );
+        assert!(said(b"LOGG\x90\0\0\0").contains("convert it to ASC"));
+        assert!(said(b"***BUSMASTER Ver 3.2.2***\n").contains("BUSMASTER"));
         assert!(said(&[0x84, 0x81, 0x15, 0xFF, 0xFF, 0xFF, 0, 0x17]).contains("parmrk"));
         assert!(said(&[0x84, 1, 0x15, 0, 0x17, 1, 0, 0]).contains("uart9"));
         assert!(said(&[0x84, 0x15, 0xFF, 0x17]).contains("--input-format bytes"));

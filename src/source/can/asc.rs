@@ -112,12 +112,15 @@ impl Asc {
         line: &'a [u8],
     ) -> Said<'a> {
         let Some(first) = words.next() else { return Said::Nothing };
-        if first == b"CANFD" {
-            return self.fd(at, words);
-        }
-        if first == b"CAN" {
-            let Some(channel) = words.next().and_then(decimal) else { return Said::Foreign };
-            return status(Name::Number(channel), at, line);
+        match first {
+            // Start of measurement.
+            b"Start" => return Said::Nothing,
+            b"CANFD" => return self.fd(at, words),
+            b"CAN" => {
+                let Some(channel) = words.next().and_then(decimal) else { return Said::Foreign };
+                return status(Name::Number(channel), at, line);
+            }
+            _ => {}
         }
         let Some(channel) = decimal(first) else { return Said::Foreign };
         let name = Name::Number(channel);
@@ -330,4 +333,187 @@ fn status<'a>(name: Name<'a>, at: At, line: &'a [u8]) -> Said<'a> {
         report = report.counting(sent.min(255) as u8, received.min(255) as u8);
     }
     Said::Frame(name, report.frame(at.time, at.uncertainty))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::damage::survive;
+    use super::super::super::transcript::transcript;
+    use super::super::super::{InputFormat, SourceOptions};
+
+    const HEADER: &str = "date Sam Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n\
+                          internal events logged\n// version 9.0.0\n";
+
+    fn read(text: &str) -> Vec<String> {
+        transcript(InputFormat::Asc, text.as_bytes(), &SourceOptions::default())
+    }
+
+    /// What is said of lines on channel 1, without their times.
+    fn lines(header: &str, lines: &[&str]) -> Vec<String> {
+        let said = read(&format!("{header}{}\n", lines.join("\n")));
+        assert_eq!(said[0], "bus can1 log", "{said:?}");
+        let said = said[1..].join(", ");
+        said.split(", ")
+            .map(|frame| frame.trim_start_matches("0: ").split(" @").next().unwrap().to_owned())
+            .collect()
+    }
+
+    #[test]
+    fn frames_of_either_kind() {
+        let said = lines(
+            HEADER,
+            &[
+                "   0.000000 Start of measurement",
+                "   1.000100 1  42C             Rx   d 5 01 0E 01 01 01  Length = 184000 BitCount = \
+                 95 ID = 1068",
+                "   1.000200 1  18EBFF00x       Tx   d 2 AA bb",
+                "   1.000300 1  123             Rx   r",
+                "   1.000300 1  123             Rx   r 4",
+                "   1.000300 1  123             Rx   r Length = 0 BitCount = 0",
+                "   1.000300 1  123             Rx   d C 01 02 03 04 05 06 07 08",
+                "   1.000300 1  123             TxRq d 1 01",
+                "   1.000300 1  123             Rx   d 4 01 02",
+            ],
+        );
+        assert_eq!(
+            said,
+            [
+                "42C#010E010101 R",
+                "18EBFF00#AABB T",
+                "123#R0 R",
+                "123#R4 R",
+                "123#R0 R",
+                "123#0102030405060708 dlc 12 R",
+                "123#0102 dlc 4 R",
+            ]
+        );
+    }
+
+    /// The header's date is 1506783973.191 s after the epoch (`date -d`).
+    #[test]
+    fn stamps_count_from_the_date_or_from_the_line_before() {
+        let frames = "   1.000100 1  123 Rx d 0\n   1.0002 1  Statistic: D 1 R 0 XD 0 XR 0 E 0 O 0 B \
+                      0.04%\n   2.5 1  123 Rx d 0\n";
+        assert_eq!(
+            read(&format!("{HEADER}{frames}")),
+            [
+                "bus can1 log",
+                "0: 123# R @1506783974191100000±1000",
+                "0: comment @1506783974191200000 \"1.0002 1  Statistic: D 1 R 0 XD 0 XR 0 E 0 O 0 B \
+                 0.04%\"",
+                "0: 123# R @1506783975691000000±100000000",
+            ]
+        );
+        let relative = HEADER.replace("absolute", "relative");
+        assert_eq!(
+            read(&format!("{relative}{frames}"))[3],
+            "0: 123# R @1506783977691300000±100000000"
+        );
+        // A trigger block has a date of its own, an hour later.
+        let block = "Begin Triggerblock Sam Sep 30 04:06:13.191 pm 2017\n   1.0 1 123 Rx d 0\nEnd \
+                     TriggerBlock\n";
+        assert_eq!(
+            read(&format!("{HEADER}{block}{block}"))[1],
+            "0: 123# R @1506787574191000000±100000000, 123# R @1506787574191000000±100000000"
+        );
+    }
+
+    #[test]
+    fn numbers_may_be_decimal_but_not_the_dlc() {
+        let header = HEADER.replace("hex", "dec");
+        let lines =
+            lines(&header, &["1.0 1 1068 Rx d A 1 14 255 0 0 0 0 8", "1.0 1 418119424x Rx d 1 16"]);
+        assert_eq!(lines, ["42C#010EFF0000000008 dlc 10 R", "18EBFF00#10 R"]);
+    }
+
+    /// BUSMASTER says nothing of stamps, and its first frame follows the header at once.
+    #[test]
+    fn busmaster_writes_a_shorter_header() {
+        let header = "date 30 Sep 2017\nbase hex  no internal events logged\n";
+        assert_eq!(lines(header, &["0.0047 1 124             Rx d 1 FF "]), ["124#FF R"]);
+    }
+
+    #[test]
+    fn canfd_lines_carry_classic_frames_too() {
+        let said = lines(
+            HEADER,
+            &[
+                "1.0 CANFD   1 Rx        123  1 0 9 12 00 01 02 03 04 05 06 07 08 09 0a 0b   130000  \
+                 130 303000 0 0 0 0 0",
+                "1.0 CANFD   1 Tx        123  EngineName 0 0 2  2 00 01   130000  130 0 0 0",
+                "1.0 CANFD   1 Rx   18EBFF00x  0 0 4  0    130000  130 10 0 0",
+                "1.0 CANFD   1 Rx   ErrorFrame   Not Acknowledge error, dominant error flag",
+            ],
+        );
+        assert_eq!(
+            said,
+            [
+                "123##000102030405060708090A0B R",
+                "123#0001 T",
+                "18EBFF00#R4 R",
+                "error 80#0000000000000000"
+            ]
+        );
+    }
+
+    #[test]
+    fn errors_and_states_of_the_controller() {
+        let said = lines(
+            HEADER,
+            &[
+                "1.0 1  ErrorFrame",
+                // 10: stuff; 1: receiving; 00010: identifier bits 28 to 21 (SJA1000).
+                "1.0 1  ErrorFrame\tECC: 10100010",
+                "1.0 1  ErrorFrame Flags = 0xe CodeExt = 0x2122 Code = 0x82 ID = 0 DLC = 0 Position = \
+                 5 Length = 11300",
+                "1.0 1  OverloadFrame",
+                "1.0 CAN 1 Status:chip status error passive - TxErr: 132 RxErr: 0",
+                "1.0 CAN 1 Status:chip status warning level - TxErr: 96 RxErr: 97",
+                "1.0 CAN 1 Status:chip status busoff",
+                "1.0 CAN 1 Status:chip status error active",
+            ],
+        );
+        assert_eq!(
+            said,
+            [
+                "error 80#0000000000000000",
+                "error 88#0000040200000000",
+                // Kind 4: the checksum, which is at place 8.
+                "error 88#0000000800000000",
+                "error 8#0000200000000000",
+                "error 204#0030000000008400",
+                "error 204#000C000000006061",
+                "error 40#0000000000000000",
+                "error 4#0040000000000000",
+            ]
+        );
+    }
+
+    #[test]
+    fn other_events_are_left_out_and_counted() {
+        let said = read(&format!(
+            "{HEADER}1.0 1 J1939TP FEE3p 6 0 0 - Rx d 23 A0\n1.0 Li 3C Rx 8 01\n1.0 1 123 Rx x 1\n\
+             1.0 1 123 Rx d\n1.0 1 123 Rx d 0\n"
+        ));
+        assert_eq!(
+            said,
+            [
+                "warning: test: line 7: neither d for data nor r for a remote frame: left out",
+                "warning: test: line 8: no data length code: left out",
+                "bus can1 log",
+                "0: 123# R @1506783974191000000±100000000",
+                "warning: test: left out 2 lines that hold no CAN or CAN FD frame, the first is \
+                 \"1.0 1 J1939TP FEE3p 6 0 0 - Rx d 23 A0\"",
+            ]
+        );
+    }
+
+    #[test]
+    fn no_damage_stops_the_reader_for_good() {
+        let text = "1.0 CANFD   1 Rx        123  1 0 9 2 00 01 130000  130 303000 0\n1.0 1  ErrorFrame \
+                    CodeExt = 0x2122\n1.0 CAN 1 Status:chip status error passive - TxErr: 132 RxErr: \
+                    0\nBegin Triggerblock Sam Sep 30 04:06:13.191 pm 2017\n1.1 1 18EBFF00x Rx d 1 01 \
+                    BitCount = 99\n";
+        survive(InputFormat::Asc, format!("{HEADER}{text}").as_bytes());
+    }
 }

@@ -42,8 +42,11 @@ impl Grammar for Candump {
     }
 }
 
-/// Stamp, interface, and the frame itself. Names are padded to the longest one's length.
-fn columns(line: &[u8]) -> IResult<&[u8], (Stamp, &[u8], &[u8])> {
+/// Stamp, interface, and the frame itself.
+type Columns<'a> = (Stamp, &'a [u8], &'a [u8]);
+
+/// Names are padded to the longest one's length.
+fn columns(line: &[u8]) -> IResult<&[u8], Columns<'_>> {
     let (line, stamp) = delimited(char('('), seconds, char(')')).parse(line)?;
     let (line, name) = word(line)?;
     let (line, frame) = word(line)?;
@@ -245,7 +248,8 @@ mod tests {
             said,
             [
                 "bus can0 log",
-                "0: lost 1 Capture",
+                // Before the first frame there is no time yet.
+                "0: lost 1 Capture @1000001000",
                 "0: 1FF# @1000001000±1000",
                 "0: lost 3 Capture @1000001000",
                 "0: lost Capture @1000001000",

@@ -100,7 +100,9 @@ struct Heard {
     /// `None` where the user did not ask for it.
     number: Option<usize>,
     /// When its last frame was heard: losses have no time of their own.
-    last: Moment,
+    last: Option<Moment>,
+    /// What was lost before its first frame, to be told with it.
+    early: Option<Loss>,
 }
 
 impl Directory {
@@ -117,7 +119,7 @@ impl Directory {
             let (name, clock) = (name.to_text(), has_times.then_some(Clock::Log));
             let info = BusInfo { name: name.clone(), clock };
             let number = self.buses.number(info, Medium::Can, WireFacts::default(), out)?;
-            self.heard.push(Heard { name, number, last: Moment::UNKNOWN });
+            self.heard.push(Heard { name, number, last: None, early: None });
         }
         Ok(&mut self.heard[index])
     }
@@ -168,6 +170,11 @@ impl<G: Grammar> Log<G> {
 
     /// Tells what was left out. A log of which nothing is known is none.
     fn finish(&self, out: &mut Outbox) -> Result<(), SourceError> {
+        for Heard { number, early, .. } in &self.directory.heard {
+            if let (Some(bus), Some(loss)) = (number, early) {
+                out.lost(*bus, *loss);
+            }
+        }
         let Counts { good, bad, foreign, first_foreign } = &self.counts;
         let whole = |what: String| SourceError::new(&self.source, Place::Whole, what);
         if *good == 0 && bad + foreign > 0 {
@@ -207,16 +214,27 @@ fn take(
         Said::End(what) => return Err(Problem::Fatal(what)),
         Said::Frame(name, frame) => {
             let heard = directory.find(name, frame.start.is_known(), out)?;
-            heard.last = frame.start;
+            heard.last = Some(frame.start);
             if let Some(bus) = heard.number {
+                if let Some(loss) = heard.early.take() {
+                    out.lost(bus, Loss { start: frame.start, ..loss });
+                }
                 out.frame(bus, frame);
             }
             return Ok(frame.is_cut());
         }
         Said::Lost(name, count) => {
-            let Heard { number, last, .. } = directory.find(name, true, out)?;
-            if let Some(bus) = *number {
-                out.lost(bus, Loss { start: *last, count, cause: LossCause::Capture });
+            let heard = directory.find(name, true, out)?;
+            let loss = Loss { start: Moment::UNKNOWN, count, cause: LossCause::Capture };
+            match (heard.number, heard.last) {
+                (Some(bus), Some(start)) => out.lost(bus, Loss { start, ..loss }),
+                (Some(_), None) => {
+                    heard.early = heard.early.map_or(Some(loss), |early| {
+                        let count = early.count.zip(count).map(|(a, b)| a.saturating_add(b));
+                        Some(Loss { count, ..loss })
+                    })
+                }
+                (None, _) => {}
             }
         }
         Said::Remark(name, at, text) => {

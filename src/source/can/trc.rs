@@ -304,3 +304,178 @@ fn milliseconds(word: &[u8]) -> Option<(i64, u32)> {
     let ([], stamp) = seconds(word).ok()? else { return None };
     Some((stamp.time.ns()? / 1_000, stamp.resolution / 1_000)).filter(|(_, unit)| *unit > 0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::damage::survive;
+    use super::super::super::transcript::transcript;
+    use super::super::super::{InputFormat, SourceOptions};
+
+    fn read(text: &str) -> Vec<String> {
+        transcript(InputFormat::Trc, text.as_bytes(), &SourceOptions::default())
+    }
+
+    /// What is said of rows of a version; an hour after its start.
+    fn rows(header: &str, rows: &[&str]) -> Vec<String> {
+        let said = read(&format!("{header}\n;  Rx/Tx  a comment\n{}\n", rows.join("\n")));
+        said[1..]
+            .join(", ")
+            .split(", ")
+            .map(|row| row.trim_start_matches("0: ").to_owned())
+            .collect()
+    }
+
+    /// Day 43008.5 is noon of 30 September 2017: 1506772800 s after the epoch (`date -d`).
+    #[test]
+    fn version_1_0_has_no_header_and_whole_milliseconds() {
+        let said = read(
+            ";   Start time: 26.04.2002\n     1)      1841 0001  8 00 11 22 33 44 55 66 77 \n     2)      \
+             1842 00000001  2 AA BB -- -- \n     3)      1843 0100  4 RTR\n     4)      1844 FFFFFFFF  4 00 \
+             00 00 08 -- -- -- -- BUSHEAVY \n     5)      1845 00000004  4 ERROR 01 0A 05 06\n",
+        );
+        assert_eq!(
+            said,
+            [
+                "bus can log",
+                "0: 001#0011223344556677 @1841000000±1000000, 00000001#AABB @1842000000±1000000, \
+                 100#R4 @1843000000±1000000, error 4#0030000000000000 @1844000000±1000000, \
+                 error 288#0000040A00000605 @1845000000±1000000"
+            ]
+        );
+    }
+
+    #[test]
+    fn version_1_1_counts_tenths_from_the_start() {
+        let header = ";$FILEVERSION=1.1\n;$STARTTIME=43008.5";
+        let said = rows(
+            header,
+            &[
+                "     1)      1059.9  Rx         0300  2  00 04",
+                "     2)      1060.0  Tx     18EBFF00  1  AA",
+                "     3)      1060.1  Rx         0300  4  RTR",
+                "     4)      1060.2  Warng  FFFFFFFF  4  00 00 00 10  BUSOFF",
+                "     5)      1060.3  Error  00000001  4  00 19 08 09",
+                "     6)      1060.4  Warng  FFFFFFFF  4  00 00 00 00  ",
+            ],
+        );
+        assert_eq!(
+            said,
+            [
+                "300#0004 R @1506772801059900000±100000",
+                "18EBFF00#AA T @1506772801060000000±100000",
+                "300#R4 R @1506772801060100000±100000",
+                "error 40#0000000000000000 @1506772801060200000±100000",
+                // Sent by the tap itself: 80h. Counters: received 8, sent 9.
+                "error 288#0000811900000908 @1506772801060300000±100000",
+                "comment @1506772801060400000 \"6)      1060.4  Warng  FFFFFFFF  4  00 00 00 00\"",
+            ]
+        );
+    }
+
+    #[test]
+    fn versions_1_2_and_1_3_name_the_bus() {
+        for (version, reserved) in [("1.2", ""), ("1.3", " -")] {
+            let row =
+                |bus| format!("     1)   1059.900 {bus}  Rx        0300{reserved}  1    0{bus}");
+            let said = read(&format!(";$FILEVERSION={version}\n{}\n{}\n", row(1), row(2)));
+            assert_eq!(
+                said,
+                [
+                    "bus can1 log",
+                    "0: 300#01 R @1059900000±1000",
+                    "bus can2 log",
+                    "1: 300#02 R @1059900000±1000",
+                ],
+                "{version}"
+            );
+        }
+    }
+
+    #[test]
+    fn version_2_0_leaves_columns_of_reports_empty() {
+        let said = rows(
+            ";$FILEVERSION=2.0\n;$STARTTIME=43008.5\n;$COLUMNS=N,O,T,I,d,l,D",
+            &[
+                "      1     17535.400 DT     0100 Rx 2  00 01 ",
+                "      2     17540.300 ST          Rx    00 00 00 04 ",
+                "      3     17540.400 FB     0100 Tx 12 00 01 02 03 04 05 06 07 08 09 0A 0B",
+                "      4     17540.500 RR     0100 Rx 4  ",
+                "      5     17540.600 EC          Rx    07 09 ",
+                "      6     17540.700 ER          Rx    02 01 18 05 06 ",
+                "      7     17540.800 DT     0100 Rx 8  00 01 ",
+            ],
+        );
+        let said: Vec<&str> = said.iter().map(|row| row.split(" @").next().unwrap()).collect();
+        assert_eq!(
+            said,
+            [
+                "100#0001 R",
+                "error 4#000C000000000000",
+                "100##000102030405060708090A0B T",
+                "100#R4 R",
+                "error 200#0000000000000907",
+                "error 288#0000021800000605",
+                "100#0001 dlc 8 R",
+            ]
+        );
+    }
+
+    #[test]
+    fn version_2_1_has_a_bus_and_a_dlc() {
+        let columns = ";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D";
+        let said = rows(
+            columns,
+            &[
+                "      1     17535.400 DT 1      0100 Rx -  2    00 01 ",
+                "      2     17540.300 ST 1         - Rx -  4    00 00 00 08 ",
+                "      3     17540.400 BI 1      0100 Rx -  9    00 01 02 03 04 05 06 07 08 09 0A 0B",
+                // Eight bytes with DLC 12, and a row without the reserved column.
+                "      4     17540.500 DT 1  00000100 Rx -  12   00 01 02 03 04 05 06 07",
+                "      5     17540.600 DT 1      0100 Rx 1    AA",
+                "      6     17540.700 EV 1  user text",
+            ],
+        );
+        let said: Vec<&str> = said.iter().map(|row| row.split(" @").next().unwrap()).collect();
+        assert_eq!(
+            said,
+            [
+                "100#0001 R",
+                "error 4#0030000000000000",
+                "100##000102030405060708090A0B R",
+                "00000100#0001020304050607 dlc 12 R",
+                "100#AA R",
+                "comment",
+            ]
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_told() {
+        assert_eq!(
+            read(";$FILEVERSION=3.0\n"),
+            ["test: line 1: a trace of a version that is not known: 1.0 to 2.1 are"]
+        );
+        let said = read(";$FILEVERSION=1.1\n1) x Rx 0300 0\n2) 1.0 Rx 03 0\n3) 2.0 Rx 0300 1 A");
+        assert_eq!(
+            said,
+            [
+                "warning: test: line 2: not a time in ms: left out",
+                "warning: test: line 3: not a row of a trace: expected identifier, length and \
+                 data: left out",
+                "bus can log",
+                "0: 300# dlc 1 R @2000000±100000",
+                "test: line 4: the file ends inside this line: it was cut",
+            ]
+        );
+    }
+
+    #[test]
+    fn no_damage_stops_the_reader_for_good() {
+        let text = ";$FILEVERSION=2.1\n;$STARTTIME=43008.920986006946\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n      \
+                    1     17535.400 DT 1      0100 Rx -  2    00 01 \n      2     17540.300 ST 1         - \
+                    Rx -  4    00 00 00 08 \n";
+        survive(InputFormat::Trc, text.as_bytes());
+        let old = "     1)      1841 0001  2 00 11 \n     2)      1842 0100  4 RTR\n";
+        survive(InputFormat::Trc, old.as_bytes());
+    }
+}
