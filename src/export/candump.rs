@@ -181,7 +181,8 @@ mod tests {
         let id = Identifier::Standard(0x42C);
         let data = Frame::data(at, 1_000, id, &[1, 0x0E, 1, 1, 1]);
         assert_eq!(written(data), "(1700000010.000001) 42C#010E010101");
-        let fine = Frame { uncertainty: 1, ..data };
+        let mut fine = data;
+        fine.uncertainty = 1;
         assert_eq!(written(fine), "(1700000010.000001000) 42C#010E010101");
         let new = |kind, id, dlc| Frame::new(Moment::from_ns(1_500_000_000), 1_000, kind, id, dlc);
         let said = |frame| written(frame).trim_start_matches("(0000000001.500000) ").to_owned();
