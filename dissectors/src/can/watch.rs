@@ -83,9 +83,12 @@ impl Watch {
             self.has_good |= frame.crc != Some(false);
             return;
         }
-        findings.push(Finding::new(&codes::ERROR_FRAME));
         let classes = ErrorClasses::of(frame);
         let detail = ErrorDetail::of(frame);
+        if detail.as_ref().is_some_and(ErrorDetail::is_recovery) {
+            return;
+        }
+        findings.push(Finding::new(&codes::ERROR_FRAME));
         let has = |is_it: fn(&ErrorDetail) -> bool| detail.as_ref().is_some_and(is_it);
         for (is_so, code) in [
             (classes.is_bus_off(), &codes::BUS_OFF),
@@ -146,5 +149,33 @@ impl Watch {
     #[must_use]
     pub fn last_heard(&self) -> Moment {
         self.last.map_or(Moment::UNKNOWN, |frame| frame.start)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Identifier;
+    use super::*;
+    use crate::uart::Format;
+
+    /// The classes and data of an error frame (`linux/can/error.h`), and the codes it raises.
+    #[test]
+    fn what_a_controller_reports_is_not_always_an_error() {
+        for (classes, data, codes) in [
+            // Passive; active again; counters alone.
+            (0x204, [0, 0x20, 0, 0, 0, 0, 0, 130], &["can.error-frame"][..]),
+            (0x204, [0, 0x40, 0, 0, 0, 0, 0, 90], &[]),
+            (0x200, [0, 0, 0, 0, 0, 0, 3, 4], &[]),
+            // A stuff error in the CRC sequence; the receiver was overrun.
+            (0x88, [0, 0, 4, 8, 0, 0, 0, 0], &["can.error-frame", "can.stuff", "can.crc"]),
+            (0x04, [0, 1, 0, 0, 0, 0, 0, 0], &["can.error-frame", "can.dropped"]),
+        ] {
+            let id = Identifier::Extended(classes);
+            let frame = Frame::new(Moment::from_ns(0), 1, FrameKind::Error, id, 8).with(&data);
+            let mut findings = Vec::new();
+            Watch::new(Wire::new(None, Format::FT12)).hear(&frame, &mut findings);
+            let names: Vec<&str> = findings.iter().map(|finding| finding.code.name).collect();
+            assert_eq!(names, codes);
+        }
     }
 }
