@@ -74,6 +74,10 @@ pub struct Decoding {
     #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(baud), help_heading = "Bus")]
     pub baud: Auto<Baud>,
 
+    /// CAN: bit rate in bit/s, such as 125k or 500000, or auto.
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(bitrate), help_heading = "Bus")]
+    pub bitrate: Auto<Baud>,
+
     /// Character format such as 8E1, or auto.
     #[arg(long, value_name = "FORMAT", default_value = "auto", value_parser = auto_or(format), help_heading = "Bus")]
     pub frame: Auto<Format>,
@@ -81,10 +85,6 @@ pub struct Decoding {
     /// Whether the line is upside down.
     #[arg(long, value_name = "WHEN", default_value = "auto", help_heading = "Bus")]
     pub invert: Invert,
-
-    /// CAN: bit rate in bit/s, or auto.
-    #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(baud), help_heading = "Bus")]
-    pub bitrate: Auto<Baud>,
 
     /// SLIN: whose encoders these are.
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named(&Profile::NAMES), help_heading = "SLIN")]
@@ -216,6 +216,13 @@ fn auto_or<T>(
 fn baud(text: &str) -> Result<Baud, String> {
     let rate = text.parse().ok().and_then(Baud::new);
     rate.ok_or_else(|| "not a rate in Bd, such as 115200".to_owned())
+}
+
+fn bitrate(text: &str) -> Result<Baud, String> {
+    let rate = crate::source::frequency(text).and_then(|rate| u32::try_from(rate).ok());
+    let is_possible = |rate: &u32| *rate <= 1_000_000;
+    let rate = rate.filter(is_possible).and_then(Baud::new);
+    rate.ok_or_else(|| "not a bit rate of CAN, such as 125000 or 500k".to_owned())
 }
 
 fn format(text: &str) -> Result<Format, String> {

@@ -89,6 +89,15 @@ pub struct Tally {
     pub uncertainty: u32,
     /// The request that was asked last, and whose it was: the index of its station.
     last_asked: Option<(u64, usize)>,
+    /// Where the stations of each bus stand.
+    places: Vec<Places>,
+}
+
+/// The stations of a bus: by their number, where each stands among all.
+#[derive(Default)]
+struct Places {
+    bus: String,
+    by_station: Vec<Option<usize>>,
 }
 
 impl Tally {
@@ -104,9 +113,18 @@ impl Tally {
     }
 
     fn station(&mut self, bus: &str, station: u16) -> usize {
-        let is_it = |tally: &StationTally| tally.station == station && tally.bus == bus;
-        self.stations.iter().position(is_it).unwrap_or_else(|| {
-            self.stations.push(StationTally {
+        let Tally { stations, places, .. } = self;
+        let bus_index = places.iter().position(|places| places.bus == bus).unwrap_or_else(|| {
+            places.push(Places { bus: bus.to_owned(), ..Places::default() });
+            places.len() - 1
+        });
+        let by_station = &mut places[bus_index].by_station;
+        let number = usize::from(station);
+        if by_station.len() <= number {
+            by_station.resize(number + 1, None);
+        }
+        *by_station[number].get_or_insert_with(|| {
+            stations.push(StationTally {
                 bus: bus.to_owned(),
                 station,
                 asked: 0,
@@ -115,7 +133,7 @@ impl Tally {
                 period: Period::NEVER,
                 response_times: histogram(),
             });
-            self.stations.len() - 1
+            stations.len() - 1
         })
     }
 

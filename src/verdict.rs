@@ -8,7 +8,8 @@ use crate::tally::{FindingTally, StationTally, Tally};
 use crate::terminal::clean;
 use dissectors::bus::{Bus, LineCounts};
 use dissectors::finding::{Severity, Span};
-use dissectors::protocol::Conclusion;
+use dissectors::protocol::{Conclusion, Medium};
+use dissectors::uart::Baud;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
@@ -57,6 +58,52 @@ fn line(buses: &[Bus], several: bool) -> String {
 }
 
 fn line_of(bus: &Bus) -> String {
+    if is_can(bus) { line_of_can(bus) } else { line_of_characters(bus) }
+}
+
+/// Whether frames were heard on it, or would be.
+fn is_can(bus: &Bus) -> bool {
+    bus.counts().frames > 0 || bus.protocol().is_some_and(|protocol| protocol.medium == Medium::Can)
+}
+
+fn line_of_can(bus: &Bus) -> String {
+    let LineCounts { frames, error_frames, losses, .. } = bus.counts();
+    if frames == 0 {
+        return "silent: no frames".to_owned();
+    }
+    let state = if error_frames * 100 > frames { "bad" } else { "ok" };
+    let rate = match bus.wire().baud() {
+        Some(rate) => bitrate(rate),
+        None => "bit rate not known".to_owned(),
+    };
+    let plural = if frames == 1 { "" } else { "s" };
+    let share = error_frames as f64 * 100.0 / frames as f64;
+    let errors = counted(error_frames, "error frame");
+    let mut text = format!("{state}: {rate}, {frames} frame{plural}, {errors} ({share:.2} %)");
+    let load = bus.load();
+    let percent = |permille: u16| f64::from(permille) / 10.0;
+    // A String takes any text.
+    if let Some(mean) = load.and_then(|load| load.mean()) {
+        let _ = write!(text, ", load {:.1} %", percent(mean));
+    }
+    if let Some(peak) = load.and_then(|load| load.peak()) {
+        let _ = write!(text, ", peak {:.1} %", percent(peak));
+    }
+    if losses > 0 {
+        let _ = write!(text, ", {losses} loss{}", if losses == 1 { "" } else { "es" });
+    }
+    text
+}
+
+/// A bit rate as people say it.
+fn bitrate(rate: Baud) -> String {
+    match rate.get() {
+        rate if rate.is_multiple_of(1_000) => format!("{} kbit/s", rate / 1_000),
+        rate => format!("{rate} bit/s"),
+    }
+}
+
+fn line_of_characters(bus: &Bus) -> String {
     let counts = bus.counts();
     let wire = bus.wire();
     let state = match counts {
@@ -230,8 +277,15 @@ fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
     if unknown > 0 {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
+    if buses.iter().any(|bus| is_can(bus) && bus.wire().baud().is_none()) {
+        open.push(
+            "load and time on the wire not judged (bit rate not known: --bitrate)".to_owned(),
+        );
+    }
     // The window follows bit 3: to say that one is open says it of the other.
-    let undecided = |learned: &Learned| learned.value.is_none() && learned.subject != "window";
+    let is_told = ["window", "bitrate"];
+    let undecided =
+        |learned: &Learned| learned.value.is_none() && !is_told.contains(&learned.subject);
     for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
         open.push(learned.question());
     }

@@ -4,6 +4,7 @@
 //! held back and then decoded; from there on it is one pass. What a line carries, its rate, format
 //! and polarity are found by the line in front, the protocol by the decoder behind it.
 
+use crate::can::Load;
 use crate::decoder::Decoder;
 use crate::event::{Event, Levels, Moment};
 use crate::finding::Finding;
@@ -117,6 +118,12 @@ impl Bus {
     #[must_use]
     pub fn wire(&self) -> Wire {
         self.line.wire().or(self.decoder.wire()).unwrap_or(self.given)
+    }
+
+    /// How busy it was, where frames tell.
+    #[must_use]
+    pub fn load(&self) -> Option<Load> {
+        self.decoder.load()
     }
 
     /// Whether the line is upside down.

@@ -1,7 +1,7 @@
 //! Finds out which protocol is spoken, and lets it be dissected.
 
 use crate::bus::LineCounts;
-use crate::can::{self, Frame, FrameKind};
+use crate::can::{self, Frame, FrameKind, Load};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::protocol::{
@@ -96,6 +96,14 @@ impl Decoder {
         conclusions
     }
 
+    /// How busy the bus was, where frames tell.
+    pub fn load(&self) -> Option<Load> {
+        match &self.stage {
+            Stage::Decoding { dissector, .. } => dissector.load(),
+            Stage::Finding { .. } => None,
+        }
+    }
+
     pub fn deadline(&self) -> Moment {
         match &self.stage {
             Stage::Finding { since, .. } => since.plus(HELD_NS),
@@ -141,7 +149,10 @@ impl Decoder {
         }
     }
 
-    fn hold(&mut self, wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
+    fn hold(&mut self, mut wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
+        if let (Event::Frames(_), Some(rate)) = (event, self.settings.can.bitrate) {
+            wire = Wire::new(Some(rate), wire.format());
+        }
         let Stage::Finding { held, since } = &mut self.stage else { return };
         let mut rest = None;
         let now = match event {
@@ -212,6 +223,9 @@ impl Decoder {
     }
 
     fn find_rate(&mut self, mut wire: Wire, characters: &[Character], frames: &[Frame]) -> Wire {
+        if !frames.is_empty() {
+            wire = Wire::new(self.settings.can.bitrate.or(wire.baud()), wire.format());
+        }
         if self.must_find_rate(wire) {
             let found = if frames.is_empty() {
                 uart::baud_from_spacing(characters, wire.format())
@@ -224,7 +238,8 @@ impl Decoder {
                 None => String::from("nothing came without a pause"),
             };
             let value = wire.baud().map(|baud| baud.to_string());
-            self.conclusions.push(Conclusion { subject: "baud", station: None, value, evidence });
+            let subject = if frames.is_empty() { "baud" } else { "bitrate" };
+            self.conclusions.push(Conclusion { subject, station: None, value, evidence });
         }
         wire
     }

@@ -14,6 +14,22 @@ use alloc::{boxed::Box, string::String, vec::Vec};
 /// that the traffic speaks for. A new one is added here and nowhere else.
 pub static PROTOCOLS: [&Protocol; 3] = [&slin::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
 
+/// The first field with each role, by protocol: statistics ask for them with every record.
+static ROLES: [[Option<FieldId>; Role::COUNT]; PROTOCOLS.len()] = {
+    let mut roles = [[None; Role::COUNT]; PROTOCOLS.len()];
+    let mut index = 0;
+    while index < PROTOCOLS.len() {
+        let fields = PROTOCOLS[index].fields;
+        let mut field = fields.len();
+        while field > 0 {
+            field -= 1;
+            roles[index][fields[field].role as usize] = Some(field);
+        }
+        index += 1;
+    }
+    roles
+};
+
 /// One protocol: its tables, and how to make a dissector for it.
 pub struct Protocol {
     /// Its name on the command line and in records.
@@ -44,7 +60,10 @@ impl Protocol {
     /// The first field with this role.
     #[must_use]
     pub fn field_of(&self, role: Role) -> Option<FieldId> {
-        self.fields.iter().position(|field| field.role == role)
+        match PROTOCOLS.iter().position(|protocol| *protocol == self) {
+            Some(index) => ROLES[index][role as usize],
+            None => self.fields.iter().position(|field| field.role == role),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::cli::Decoding;
 use crate::decode::{FAILED, USAGE, decode, settings};
-use crate::export::{Chars, Columns, Csv, Export, Json, PcapNg};
+use crate::export::{Candump, Chars, Columns, Csv, Export, Json, PcapNg};
 use crate::output::Output;
 use crate::say;
 use clap::{Args, ValueEnum};
@@ -37,6 +37,8 @@ enum Form {
     Pcapng,
     /// Characters as text.
     Chars,
+    /// CAN frames, as candump and all of can-utils read them.
+    Candump,
     /// Decoded records, comma-separated.
     Csv,
     /// Decoded records, one JSON object a line.
@@ -48,6 +50,7 @@ impl Form {
         match path.extension().and_then(OsStr::to_str)?.to_ascii_lowercase().as_str() {
             "pcapng" => Some(Form::Pcapng),
             "chars" => Some(Form::Chars),
+            "log" | "candump" => Some(Form::Candump),
             "csv" => Some(Form::Csv),
             "json" | "jsonl" => Some(Form::Json),
             _ => None,
@@ -58,6 +61,7 @@ impl Form {
         Ok(match self {
             Form::Pcapng => Box::new(PcapNg::new(out)?),
             Form::Chars => Box::new(Chars::new(out)),
+            Form::Candump => Box::new(Candump::new(out)),
             Form::Csv => Box::new(Csv::new(out, Columns::default())),
             Form::Json => Box::new(Json::new(out)),
         })
@@ -68,8 +72,8 @@ impl Form {
 pub fn run(arguments: &Arguments) -> ExitCode {
     let Some(form) = arguments.output_format.or_else(|| Form::of(&arguments.output)) else {
         say!(
-            "fieldtap: {}: the ending names no form that can be written (.pcapng, .chars, .csv, \
-             .json): say it with --output-format",
+            "fieldtap: {}: the ending names no form that can be written (.pcapng, .chars, .log, \
+             .csv, .json): say it with --output-format",
             arguments.output.display()
         );
         return ExitCode::from(USAGE);

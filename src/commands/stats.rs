@@ -144,6 +144,7 @@ fn text(outcome: &Outcome) -> String {
         text.push_str("none\n");
     }
     text.push('\n');
+    text.push_str(&busyness(outcome.pipeline.buses()));
     for (name, count) in &tally.withheld {
         let _ = writeln!(text, "withheld {name}: {count} x");
     }
@@ -158,6 +159,36 @@ fn text(outcome: &Outcome) -> String {
     }
     for (heading, line) in outcome.verdict().lines() {
         let _ = writeln!(text, "{heading:<6} {line}");
+    }
+    text
+}
+
+/// How busy the CAN buses were; nothing where there are none. A String takes any text.
+fn busyness(buses: &[Bus]) -> String {
+    let mut text = String::new();
+    for bus in buses.iter().filter(|bus| bus.counts().frames > 0) {
+        if text.is_empty() {
+            text.push_str("bus        frames   errors   losses      load      peak  bit/s\n");
+        }
+        let (counts, load) = (bus.counts(), bus.load());
+        let percent = |permille: Option<u16>| match permille {
+            Some(permille) => format!("{}.{} %", permille / 10, permille % 10),
+            None => "-".to_owned(),
+        };
+        let rate = bus.wire().baud().map_or("not known".to_owned(), |rate| rate.to_string());
+        let _ = writeln!(
+            text,
+            "{:<8} {:>8} {:>8} {:>8} {:>9} {:>9}  {rate}",
+            bus.info().name,
+            counts.frames,
+            counts.error_frames,
+            counts.losses,
+            percent(load.and_then(|load| load.mean())),
+            percent(load.and_then(|load| load.peak())),
+        );
+    }
+    if !text.is_empty() {
+        text.push('\n');
     }
     text
 }
@@ -189,7 +220,7 @@ fn as_json(outcome: &Outcome) -> Value {
 
 fn bus_json(bus: &Bus) -> Value {
     let (counts, wire) = (bus.counts(), bus.wire());
-    json!({
+    let mut object = json!({
         "bus": bus.info().name,
         "clock": bus.info().clock.map(|clock| clock.name()),
         "protocol": bus.protocol().map(|protocol| protocol.name),
@@ -208,7 +239,17 @@ fn bus_json(bus: &Bus) -> Value {
             "value": conclusion.value,
             "evidence": conclusion.evidence,
         })).collect::<Vec<_>>(),
-    })
+    });
+    if counts.frames > 0 {
+        let load = bus.load();
+        let share = |permille: Option<u16>| permille.map(|load| f64::from(load) / 1_000.0);
+        object["bitrate"] = wire.baud().map(|rate| rate.get()).into();
+        object["frames"] = counts.frames.into();
+        object["error_frames"] = counts.error_frames.into();
+        object["load"] = share(load.and_then(|load| load.mean())).into();
+        object["peak_load"] = share(load.and_then(|load| load.peak())).into();
+    }
+    object
 }
 
 fn station_json(station: &StationTally) -> Value {

@@ -1,5 +1,6 @@
 //! Where records go: one file a form.
 
+mod candump;
 mod changes;
 mod chars;
 mod columns;
@@ -9,6 +10,7 @@ mod pcapng;
 pub mod schema;
 mod text;
 
+pub use candump::Candump;
 pub use changes::Changes;
 pub use chars::Chars;
 pub use columns::Columns;

@@ -1,11 +1,13 @@
 //! The table for people: one line a telegram, within 100 columns.
 
 use super::Export;
+use super::candump::write_frame;
 use crate::clock::{Clock, Exact};
 use crate::terminal::push_clean;
 use anstyle::{AnsiColor, Style};
 use dissectors::event::Moment;
-use dissectors::finding::{Finding, Severity};
+use dissectors::finding::{Finding, Severity, Span};
+use dissectors::protocol::Medium;
 use dissectors::record::{Record, Sink};
 use dissectors::uart::{Character, Parity};
 use std::fmt::Write as _;
@@ -17,8 +19,9 @@ const WIDTH: usize = 100;
 /// Columns of the bus's name.
 const BUS: usize = 6;
 
-/// Columns of the bytes: those of the longest telegram.
+/// Columns of the bytes: those of the longest telegram, or of a frame with eight bytes.
 const BYTES: usize = 17;
+const FRAME: usize = 20;
 
 /// Writes records as a table.
 pub struct Text<W> {
@@ -28,6 +31,8 @@ pub struct Text<W> {
     has_colour: bool,
     is_verbose: bool,
     has_header: bool,
+    /// Columns of the bytes, as the first record has them.
+    bytes: usize,
     line: String,
     /// Where the record's sentence ends in the line and its findings begin; 0 where it is one.
     ends: usize,
@@ -44,6 +49,7 @@ impl<W: Write> Text<W> {
             has_colour,
             is_verbose,
             has_header: false,
+            bytes: BYTES,
             line: String::new(),
             ends: 0,
             sentence: String::new(),
@@ -54,7 +60,9 @@ impl<W: Write> Text<W> {
         if !self.has_header {
             self.has_header = true;
             let (n, time, bus, bytes) = ("n", "time", "bus", "bytes");
-            writeln!(self.out, "{n:>5} {time:>12} {bus:<BUS$} {bytes:<BYTES$}   what")?;
+            self.bytes = if record.protocol.medium == Medium::Can { FRAME } else { BYTES };
+            let width = self.bytes;
+            writeln!(self.out, "{n:>5} {time:>12} {bus:<BUS$} {bytes:<width$}   what")?;
         }
         self.compose(record);
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
@@ -66,6 +74,7 @@ impl<W: Write> Text<W> {
         if self.is_verbose {
             self.write_findings(record)?;
             self.write_characters(record)?;
+            self.write_wire(record)?;
         }
         Ok(())
     }
@@ -86,8 +95,12 @@ impl<W: Write> Text<W> {
             let separator = if sentence.is_empty() { "" } else { " " };
             let _ = write!(sentence, "{separator}{:02X}", character.value());
         }
-        shorten(sentence, BYTES);
-        let _ = write!(line, "{sentence:<BYTES$} ");
+        if let Some(frame) = record.frame() {
+            write_frame(frame, sentence);
+        }
+        let width = self.bytes;
+        shorten(sentence, width);
+        let _ = write!(line, "{sentence:<width$} ");
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
         line.push(severity.map_or(' ', mark));
         line.push(' ');
@@ -96,7 +109,7 @@ impl<W: Write> Text<W> {
         push_clean(line, sentence);
         self.ends = 0;
         // An event is its finding.
-        if record.characters().is_empty() {
+        if !record.has_bytes() {
             return;
         }
         self.ends = line.len();
@@ -138,6 +151,20 @@ impl<W: Write> Text<W> {
             write_styled(&mut self.out, style, &self.line)?;
         }
         Ok(())
+    }
+
+    /// What a frame took of the wire, and who sent it, as far as that is known.
+    fn write_wire(&mut self, record: &Record<'_>) -> io::Result<()> {
+        let Some(frame) = record.frame() else { return Ok(()) };
+        let bits = frame.bits().map(|bits| format!("{bits} bits"));
+        let time = record.duration.map(|ns| Span(ns.cast_signed()).to_string());
+        let side = frame.direction.map(|side| side.name().to_owned());
+        let crc = frame.crc.map(|fits| if fits { "CRC ok" } else { "CRC wrong" }.to_owned());
+        let known: Vec<String> = [bits, time, side, crc].into_iter().flatten().collect();
+        if known.is_empty() {
+            return Ok(());
+        }
+        writeln!(self.out, "{:26}{}", "", known.join(", "))
     }
 
     fn write_characters(&mut self, record: &Record<'_>) -> io::Result<()> {

@@ -1,5 +1,6 @@
 //! What a user would try, through the built program.
 
+mod can;
 mod captures;
 mod conversions;
 mod endings;

@@ -26,6 +26,7 @@ const CONTROLLER: u32 = 0x04;
 const PROTOCOL: u32 = 0x08;
 const NO_ACKNOWLEDGE: u32 = 0x20;
 const BUS_OFF: u32 = 0x40;
+const RESTARTED: u32 = 0x100;
 const COUNTERS: u32 = 0x200;
 
 impl ErrorClasses {
@@ -100,6 +101,13 @@ impl ErrorDetail {
         let data = *frame.bytes().first_chunk()?;
         (frame.kind == FrameKind::Error)
             .then_some(ErrorDetail { classes: ErrorClasses::of(frame), data })
+    }
+
+    /// Nothing is wrong: the controller is active again, or merely tells its counters.
+    #[must_use]
+    pub const fn is_recovery(&self) -> bool {
+        let is_active = !self.classes.has(CONTROLLER) || self.data[1] == 0x40;
+        is_active && self.classes.0 & !(CONTROLLER | RESTARTED | COUNTERS) == 0
     }
 
     /// The controller or its driver was overrun: frames are missing.

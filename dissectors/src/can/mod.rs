@@ -16,7 +16,7 @@ pub use codes::{
 };
 pub use dissector::{FIELDS, FrameFields, PROTOCOL};
 pub use errors::{ErrorClasses, ErrorDetail, Violation};
-pub use frame::{Direction, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
+pub use frame::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
 pub use length::checksum;
 pub(crate) use line::Line;
 pub use load::Load;

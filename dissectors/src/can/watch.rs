@@ -97,6 +97,9 @@ impl Watch {
             findings.push(Finding::new(&codes::OVERLOAD));
             return;
         }
+        if detail.as_ref().is_some_and(ErrorDetail::is_recovery) {
+            return;
+        }
         findings.push(Finding::new(&codes::ERROR_FRAME));
         let has = |is_it: fn(&ErrorDetail) -> bool| detail.as_ref().is_some_and(is_it);
         for (is_so, code) in [
@@ -223,6 +226,27 @@ mod tests {
         ] {
             let frame = violation.report(place, Moment::UNKNOWN, 0);
             assert_eq!(codes(&mut watch(), &frame), told, "{violation:?}");
+        }
+    }
+
+    /// The classes and data of an error frame (`linux/can/error.h`), and the codes it raises.
+    #[test]
+    fn what_a_controller_reports_is_not_always_an_error() {
+        for (classes, data, codes) in [
+            // Passive; active again; counters alone.
+            (0x204, [0, 0x20, 0, 0, 0, 0, 0, 130], &["can.error-frame"][..]),
+            (0x204, [0, 0x40, 0, 0, 0, 0, 0, 90], &[]),
+            (0x200, [0, 0, 0, 0, 0, 0, 3, 4], &[]),
+            // A stuff error in the CRC sequence; the receiver was overrun.
+            (0x88, [0, 0, 4, 8, 0, 0, 0, 0], &["can.error-frame", "can.stuff", "can.crc"]),
+            (0x04, [0, 1, 0, 0, 0, 0, 0, 0], &["can.error-frame", "can.dropped"]),
+        ] {
+            let id = Identifier::Extended(classes);
+            let frame = Frame::new(Moment::from_ns(0), 1, FrameKind::Error, id, 8).with(&data);
+            let mut findings = Vec::new();
+            Watch::new(Wire::new(None, Format::FT12)).hear(&frame, &mut findings);
+            let names: Vec<&str> = findings.iter().map(|finding| finding.code.name).collect();
+            assert_eq!(names, codes);
         }
     }
 }

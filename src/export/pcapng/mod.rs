@@ -46,7 +46,7 @@ struct Interface {
     last: Moment,
     /// Comments of events, for the next block.
     pending: Vec<String>,
-    /// Frames lost before the next block.
+    /// Frames lost before the next block; `u64::MAX` where nobody counted them.
     dropped: u64,
 }
 
@@ -58,6 +58,14 @@ struct Block {
     comments: Vec<String>,
     /// Direction and more, as the format defines them.
     flags: Option<u32>,
+    /// Bytes that the capture does not have.
+    missing: usize,
+}
+
+impl Block {
+    fn at(start: Moment, comments: Vec<String>) -> Self {
+        Block { start, last: start, comments, flags: None, missing: 0 }
+    }
 }
 
 impl<W: Write> PcapNg<W> {
@@ -94,30 +102,30 @@ impl<W: Write> PcapNg<W> {
                 for run in serial::runs(characters, record.wire) {
                     let last = run.last().map_or(Moment::UNKNOWN, |character| character.start);
                     let comments = std::mem::take(&mut comments);
-                    let block = Block { start: run[0].start, last, comments, flags: None };
+                    let block = Block { last, ..Block::at(run[0].start, comments) };
                     serial::compose(run, &mut self.data);
                     self.write_block(interface, block)?;
                 }
             }
             Heard::Frame(frame) => {
-                let flags = can::flags(frame);
-                let block = Block { start: frame.start, last: frame.start, comments, flags };
+                let (flags, missing) = (can::flags(frame), can::missing(frame));
+                let block = Block { flags, missing, ..Block::at(frame.start, comments) };
                 can::compose(frame, &mut self.data);
                 self.write_block(interface, block)?;
             }
             Heard::Break(Break { start, .. }) => {
                 serial::compose_event(start, serial::BREAK, &mut self.data);
-                self.write_block(interface, Block { start, last: start, comments, flags: None })?;
+                self.write_block(interface, Block::at(start, comments))?;
             }
             Heard::Lost(loss) => {
-                self.interfaces[interface].dropped += loss.count.unwrap_or(0);
                 if record.protocol.medium == Medium::Can {
-                    self.interfaces[interface].pending.extend(comments);
+                    let at = &mut self.interfaces[interface];
+                    at.dropped = at.dropped.saturating_add(loss.count.unwrap_or(u64::MAX));
+                    at.pending.extend(comments);
                 } else {
                     let start = loss.start;
                     serial::compose_event(start, serial::event_of(loss.cause), &mut self.data);
-                    let block = Block { start, last: start, comments, flags: None };
-                    self.write_block(interface, block)?;
+                    self.write_block(interface, Block::at(start, comments))?;
                 }
             }
         }
@@ -161,7 +169,7 @@ impl<W: Write> PcapNg<W> {
 
     /// Writes a block with the bytes that were composed.
     fn write_block(&mut self, interface: usize, block: Block) -> io::Result<()> {
-        let Block { start, last, comments, flags } = block;
+        let Block { start, last, comments, flags, missing } = block;
         let at = &mut self.interfaces[interface];
         at.last = last;
         if start.ns().is_some_and(|ns| ns < 0) {
@@ -186,7 +194,7 @@ impl<W: Write> PcapNg<W> {
         let block = EnhancedPacketBlock {
             interface_id: u32::try_from(interface).unwrap_or(u32::MAX),
             timestamp: duration(start),
-            original_len: u32::try_from(self.data.len()).unwrap_or(u32::MAX),
+            original_len: u32::try_from(self.data.len() + missing).unwrap_or(u32::MAX),
             data: Cow::Borrowed(&self.data),
             options,
         };
@@ -204,6 +212,9 @@ impl<W: Write> PcapNg<W> {
         let end = duration(end);
         let mut options = vec![InterfaceStatisticsOption::IsbEndTime(end)];
         options.extend(comments);
+        // Those lost behind the last frame have no block.
+        let dropped = Some(at.dropped).filter(|count| (1..u64::MAX).contains(count));
+        options.extend(dropped.map(InterfaceStatisticsOption::IsbIfDrop));
         let interface_id = u32::try_from(interface).unwrap_or(u32::MAX);
         let block = InterfaceStatisticsBlock { interface_id, timestamp: end, options };
         self.writer.write_pcapng_block(block).map_err(io_error)?;
