@@ -2,7 +2,7 @@
 
 use super::line::{Character, Line, Parity};
 use super::tap::{Gap, Loss};
-use super::time::{Clock, Ps};
+use crate::simulate::time::{Clock, Ps};
 use std::ops::Range;
 
 /// What is to happen from one request to the next.

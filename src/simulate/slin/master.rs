@@ -1,11 +1,11 @@
 //! The master: whom it asks when, and how long it waits.
 
-use super::chance::Chance;
 use super::exchange::Script;
 use super::line::Character;
 use super::plan::{Length, Plan};
-use super::time::{Clock, Ps};
 use super::word;
+use crate::simulate::chance::Chance;
+use crate::simulate::time::{Clock, Ps};
 
 /// How often a round ends with an address that has no encoder.
 const SCANS: f64 = 0.25;

@@ -1,31 +1,19 @@
-//! `simulate`: write a bus with chosen faults as a capture.
+//! `simulate slin`: absolute encoders on RS485.
 
-use crate::simulate::{
-    self, Chars, Checksum, Fault, Length, MAX_BITS, MS, Motion, Order, Pcapng, Plan, Profile, Ps,
-    Sampler, Sr, Station, Summary, Tap, Uart, Vcd, address, seconds,
+use super::{
+    NEW_YEAR, channel, create, duration, end, file, frequency, milliseconds, percent, refuse, speed,
 };
+use crate::simulate::slin::{
+    self, Chars, Checksum, Fault, Length, MAX_BITS, Order, Pcapng, Plan, Profile, Station, Summary,
+    Tap, Uart, address,
+};
+use crate::simulate::{Motion, Ps, Sampler, Sr, Vcd, seconds};
 use anyhow::{Context, Result, bail, ensure};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-
-/// Which bus to simulate.
-#[derive(Args, Debug)]
-pub struct Arguments {
-    /// Which bus.
-    #[command(subcommand)]
-    pub bus: Bus,
-}
-
-/// The buses that can be simulated.
-#[derive(Subcommand, Debug)]
-pub enum Bus {
-    /// Absolute encoders on RS485.
-    Slin(Box<Slin>),
-}
 
 /// A SLIN bus, and where to write it.
 #[derive(Args, Debug)]
@@ -158,38 +146,24 @@ enum Form {
     Vcd,
 }
 
-/// 2026-01-01 00:00:00 UTC.
-const NEW_YEAR: u32 = 1_767_225_600;
-
-/// Writes the capture.
-pub fn run(arguments: &Arguments) -> ExitCode {
-    let Bus::Slin(slin) = &arguments.bus;
-    if slin.list_faults {
-        return list_faults();
-    }
-    let plan = match slin.plan() {
-        Ok(plan) => plan,
-        Err(error) => {
-            eprintln!("fieldtap: {error:#}");
-            return ExitCode::from(2);
+impl Slin {
+    /// Writes the capture.
+    pub fn run(&self) -> ExitCode {
+        if self.list_faults {
+            return list_faults();
         }
-    };
-    match slin.write(plan) {
-        Ok(summary) => {
-            if !slin.quiet {
+        let plan = match self.plan() {
+            Ok(plan) => plan,
+            Err(error) => return refuse(&error),
+        };
+        let summary = self.write(plan);
+        end(summary, |summary| {
+            if !self.quiet {
                 tell(&summary);
             }
-            ExitCode::SUCCESS
-        }
-        Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("fieldtap: {error:#}");
-            ExitCode::from(3)
-        }
+        })
     }
-}
 
-impl Slin {
     fn form(&self) -> Result<Form> {
         if let Some(form) = self.output_format {
             return Ok(form);
@@ -287,7 +261,7 @@ impl Slin {
         let truth = self.truth.as_deref().map(create).transpose()?;
         let tap = self.tap(&plan, start)?;
         let start_ns = i64::from(start) * 1_000_000_000;
-        simulate::run(plan, tap, truth, start_ns)
+        slin::run(plan, tap, truth, start_ns)
             .with_context(|| format!("cannot write {}", self.output().display()))
     }
 
@@ -316,25 +290,6 @@ impl Slin {
     fn output(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new("-"))
     }
-}
-
-fn file(path: &Path) -> Result<File> {
-    File::create(path).with_context(|| format!("cannot create {}", path.display()))
-}
-
-fn create(path: &Path) -> Result<Box<dyn Write>> {
-    if path == Path::new("-") {
-        return Ok(Box::new(BufWriter::new(io::stdout())));
-    }
-    Ok(Box::new(BufWriter::new(file(path)?)))
-}
-
-fn is_closed_pipe(error: &anyhow::Error) -> bool {
-    let is_broken = |cause: &(dyn std::error::Error + 'static)| {
-        let cause = cause.downcast_ref::<io::Error>();
-        cause.is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
-    };
-    error.chain().any(is_broken)
 }
 
 fn tell(summary: &Summary) {
@@ -377,38 +332,4 @@ fn bits(text: &str) -> Result<u32, String> {
     sum.and_then(|(single, multi)| single.checked_add(multi))
         .filter(|bits| (1..=MAX_BITS).contains(bits))
         .ok_or(format!("bits such as 13 or 13+12, {MAX_BITS} together at most: four data words"))
-}
-
-fn number(text: &str, most: f64) -> Option<f64> {
-    text.parse().ok().filter(|number| (0.0..=most).contains(number))
-}
-
-fn percent(text: &str) -> Result<f64, String> {
-    number(text.strip_suffix('%').unwrap_or(text), 2.0)
-        .ok_or("0 to 2 percent: a receiver cannot follow a clock that is further off".to_owned())
-}
-
-fn duration(text: &str) -> Result<Ps, String> {
-    number(text, 86_400.0).map(seconds).ok_or("0 to 86400 seconds".to_owned())
-}
-
-fn milliseconds(text: &str) -> Result<Ps, String> {
-    number(text, 10_000.0)
-        .map(|number| (number * MS as f64) as Ps)
-        .ok_or("0 to 10000 milliseconds".to_owned())
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    number(text, 1e9).ok_or("0 to 1000000000 steps a second".to_owned())
-}
-
-fn frequency(text: &str) -> Result<u64, String> {
-    crate::source::frequency(text)
-        .filter(|rate| *rate <= 1_000_000_000)
-        .ok_or_else(|| "not a frequency up to 1 GHz, such as 4M, 500k or 12000000".to_owned())
-}
-
-fn channel(text: &str) -> Result<String, String> {
-    let is_plain = !text.is_empty() && text.chars().all(|letter| letter.is_ascii_graphic());
-    if is_plain { Ok(text.to_owned()) } else { Err("letters, digits and signs only".to_owned()) }
 }

@@ -1,8 +1,9 @@
 //! Where a capture is taken: the line as it goes by, in stretches.
 
-use super::line::Low;
 use super::receiver::{Heard, Receiver, Setup};
-use super::time::Ps;
+use crate::simulate::level::Low;
+use crate::simulate::samples::{Sampler, Samples};
+use crate::simulate::time::Ps;
 use anyhow::Result;
 
 /// What happened on the line during a stretch of time. Stretches follow each other without gaps.
@@ -113,5 +114,16 @@ impl<C: Characters> Tap for Uart<C> {
         self.receiver.listen(&[], at, &mut self.heard);
         self.pass_on()?;
         self.capture.end(at)
+    }
+}
+
+/// A tap that looks at the line's level.
+impl<C: Samples> Tap for Sampler<C> {
+    fn hear(&mut self, stretch: &Stretch<'_>) -> Result<()> {
+        self.watch(stretch.spans, stretch.until)
+    }
+
+    fn end(self: Box<Self>, at: Ps) -> Result<()> {
+        self.finish(at)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::receiver::{Heard, State};
 use super::tap::{Characters, Loss};
-use super::time::{NS, Ps};
+use crate::simulate::time::{NS, Ps};
 use anyhow::{Result, bail};
 use std::io::Write;
 

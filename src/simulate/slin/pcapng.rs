@@ -3,7 +3,7 @@
 use super::line::Parity;
 use super::receiver::{Heard, Setup, State};
 use super::tap::{Characters, Loss};
-use super::time::{Clock, NS, Ps};
+use crate::simulate::time::{Clock, NS, Ps};
 use anyhow::{Context, Result};
 use pcap_file::DataLink;
 use pcap_file::pcapng::PcapNgWriter;

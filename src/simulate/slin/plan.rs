@@ -1,13 +1,13 @@
 //! What bus is to be simulated.
 
-use super::chance::Chance;
 use super::encoder::Profile;
 use super::fault::{Fault, Order};
 use super::line::Parity;
-use super::motion::Motion;
 use super::receiver::Setup;
-use super::time::{Clock, MS, Ps};
 use super::word::Checksum;
+use crate::simulate::chance::Chance;
+use crate::simulate::motion::Motion;
+use crate::simulate::time::{Clock, MS, Ps};
 use anyhow::{Result, bail, ensure};
 
 /// Bits that four data words can hold.
@@ -125,7 +125,7 @@ impl Plan {
     /// is tolerated is a difference of 127 steps.
     pub fn calm_speed(&self) -> f64 {
         let longest = self.cycle() + 30 * MS + self.clock().characters(20.0);
-        100.0 / (longest as f64 / super::time::S as f64)
+        100.0 / (longest as f64 / crate::simulate::time::S as f64)
     }
 
     /// Binds faults of one encoder to the lowest where no address is given, and refuses what
@@ -251,7 +251,8 @@ impl Plan {
     /// receiver may err and what the master's clock may be off.
     pub fn earliest_fault(&self, profile: Profile) -> Option<Ps> {
         let latest = profile.earliest()? - self.clock().bits(1.5) - self.clock().characters(0.02);
-        (latest > 8 * super::time::US).then_some(latest.min(25 * super::time::US))
+        (latest > 8 * crate::simulate::time::US)
+            .then_some(latest.min(25 * crate::simulate::time::US))
     }
 }
 

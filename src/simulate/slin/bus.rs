@@ -2,7 +2,6 @@
 
 use super::Traffic;
 use super::account::{self, Account, Exchange};
-use super::chance::Chance;
 use super::encoder::Encoder;
 use super::exchange::{Script, Senders};
 use super::fault::{Fault, Order};
@@ -13,8 +12,9 @@ use super::master::{Asked, Master};
 use super::ongoing::Ongoing;
 use super::plan::Plan;
 use super::tap::Gap;
-use super::time::{MS, Ps};
 use super::truth::Told;
+use crate::simulate::chance::Chance;
+use crate::simulate::time::{MS, Ps};
 use serde_json::Value;
 
 /// Streams of the seed.
@@ -269,10 +269,10 @@ impl Bus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::encoder::Profile;
-    use crate::simulate::plan::{Length, example};
-    use crate::simulate::receiver::{Heard, Receiver};
-    use crate::simulate::truth::hex;
+    use crate::simulate::slin::encoder::Profile;
+    use crate::simulate::slin::plan::{Length, example};
+    use crate::simulate::slin::receiver::{Heard, Receiver};
+    use crate::simulate::slin::truth::hex;
     use clap::ValueEnum;
 
     fn run(plan: Plan) -> Vec<Turn> {

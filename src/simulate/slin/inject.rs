@@ -1,6 +1,5 @@
 //! Faults as changes to the script of a healthy exchange.
 
-use super::chance::Chance;
 use super::encoder::Encoder;
 use super::exchange::{After, Disturbance, Extra, Script, Senders};
 use super::fault::Fault;
@@ -8,9 +7,10 @@ use super::line::{Character, Line, PARITY_BIT};
 use super::plan::Plan;
 use super::receiver::{Heard, Receiver, Setup, State};
 use super::tap::Loss;
-use super::time::{MS, Ps};
 use super::truth::{Code, May};
 use super::word::{self, Checksum, MAX_DATA_WORDS};
+use crate::simulate::chance::Chance;
+use crate::simulate::time::{MS, Ps};
 
 /// A healthy exchange with one encoder, and what may be used to spoil it.
 pub struct Scene<'a> {

@@ -3,16 +3,8 @@
 //! An idle line is high, and whoever sends pulls it low, bit by bit. Noise, breaks and collisions
 //! are spans like any other; where two senders overlap, low wins.
 
-use super::time::{Clock, Ps};
-
-/// A span of time in which the line is low.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub struct Low {
-    /// Its falling edge.
-    pub from: Ps,
-    /// Its rising edge.
-    pub to: Ps,
-}
+use crate::simulate::level::Low;
+use crate::simulate::time::{Clock, Ps};
 
 /// How the parity bit follows from the data bits.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

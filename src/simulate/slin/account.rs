@@ -1,6 +1,5 @@
 //! Takes account of the bus: what each exchange was, and what must be told of it.
 
-use super::chance::Chance;
 use super::encoder::Encoder;
 use super::exchange::{Disturbance, Script, Times};
 use super::fault::Fault;
@@ -8,9 +7,10 @@ use super::inject::Effect;
 use super::line::Character;
 use super::memory::Memory;
 use super::plan::Plan;
-use super::time::{Clock, NS};
 use super::truth::{May, Told, hex};
 use super::word::{self, MAX_DATA_WORDS};
+use crate::simulate::chance::Chance;
+use crate::simulate::time::{Clock, NS};
 use serde_json::{Value, json};
 
 /// An exchange that took place.

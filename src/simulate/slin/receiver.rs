@@ -3,8 +3,9 @@
 //! The character forms are written from what this receiver hears, not from what was sent: wrong
 //! settings, swapped lines, collisions and noise need no rules of their own.
 
-use super::line::{Low, Parity};
-use super::time::{Clock, Ps};
+use super::line::Parity;
+use crate::simulate::level::Low;
+use crate::simulate::time::{Clock, Ps};
 use std::collections::VecDeque;
 
 /// How a receiver is set up.
@@ -172,7 +173,7 @@ impl Receiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::line::{Character, Line};
+    use crate::simulate::slin::line::{Character, Line};
 
     const FT12: Setup = Setup { baud: 115_200, parity: Parity::Even, is_swapped: false };
 

@@ -3,7 +3,7 @@
 //! A jump is told by comparing a step with its neighbours and with the largest change of step
 //! before, so the generator keeps the same measure of what is usual.
 
-use super::chance::Chance;
+use crate::simulate::chance::Chance;
 
 /// Telegrams in a row that must have been right before a jump.
 const SOUND: u32 = 12;

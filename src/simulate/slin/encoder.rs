@@ -1,10 +1,10 @@
 //! The encoders: whose they are, and how they answer.
 
-use super::chance::Chance;
-use super::motion::{Drive, Motion, Shaft};
 use super::plan::{Plan, Station};
-use super::time::{Clock, MS, Ps, US};
 use super::word::{self, Checksum};
+use crate::simulate::chance::Chance;
+use crate::simulate::motion::{Drive, Motion, Shaft};
+use crate::simulate::time::{Clock, MS, Ps, US};
 use clap::ValueEnum;
 
 /// Whose encoder it is.

@@ -10,12 +10,12 @@
 
 use super::Traffic;
 use super::bus::Turn;
-use super::chance::Chance;
 use super::line::{Character, Line, Parity};
-use super::motion::{Drive, Shaft};
 use super::plan::{Length, Plan};
-use super::time::{Clock, MS, NS, Ps};
 use super::truth::{May, Told, hex};
+use crate::simulate::chance::Chance;
+use crate::simulate::motion::{Drive, Shaft};
+use crate::simulate::time::{Clock, MS, NS, Ps};
 use serde_json::{Value, json};
 
 /// The rate of the data sheet.
