@@ -15,6 +15,7 @@
 mod chance;
 mod level;
 mod motion;
+mod order;
 mod samples;
 pub mod slin;
 mod sr;
@@ -22,7 +23,13 @@ mod time;
 mod vcd;
 
 pub use motion::Motion;
+pub use order::Orderable;
 pub use samples::Sampler;
 pub use sr::Sr;
 pub use time::{MS, Ps, seconds};
 pub use vcd::Vcd;
+
+/// Bytes as upper-case hex digits.
+fn hex(bytes: impl Iterator<Item = u8>) -> String {
+    bytes.map(|byte| format!("{byte:02X}")).collect()
+}

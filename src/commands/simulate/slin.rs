@@ -7,7 +7,7 @@ use crate::simulate::slin::{
     self, Chars, Checksum, Fault, Length, MAX_BITS, Order, Pcapng, Plan, Profile, Station, Summary,
     Tap, Uart, address,
 };
-use crate::simulate::{Motion, Ps, Sampler, Sr, Vcd, seconds};
+use crate::simulate::{Motion, Orderable, Ps, Sampler, Sr, Vcd, seconds};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;

@@ -7,9 +7,11 @@ use super::inject::Effect;
 use super::line::Character;
 use super::memory::Memory;
 use super::plan::Plan;
-use super::truth::{May, Told, hex};
+use super::truth::{May, Told};
 use super::word::{self, MAX_DATA_WORDS};
 use crate::simulate::chance::Chance;
+use crate::simulate::hex;
+use crate::simulate::order::Orderable;
 use crate::simulate::time::{Clock, NS};
 use serde_json::{Value, json};
 

@@ -269,10 +269,11 @@ impl Bus {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::hex;
+    use crate::simulate::order::Orderable;
     use crate::simulate::slin::encoder::Profile;
     use crate::simulate::slin::plan::{Length, example};
     use crate::simulate::slin::receiver::{Heard, Receiver};
-    use crate::simulate::slin::truth::hex;
     use clap::ValueEnum;
 
     fn run(plan: Plan) -> Vec<Turn> {

@@ -136,7 +136,7 @@ fn shaft(plan: &Plan, address: u8, mut chance: Chance) -> Shaft {
     let drive = Drive { motion: plan.motion, speed, cycle: plan.cycle() };
     if plan.orders_for(address).any(|order| order.fault.is_at_zero()) {
         let drive = Drive { motion: Motion::Still, ..drive };
-        return Shaft::new(plan.bits, 0, drive, chance);
+        return Shaft::new(1 << plan.bits, 0, drive, chance);
     }
-    Shaft::new(plan.bits, plan.position.unwrap_or(start), drive, chance)
+    Shaft::new(1 << plan.bits, plan.position.unwrap_or(start), drive, chance)
 }

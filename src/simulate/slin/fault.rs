@@ -1,8 +1,7 @@
 //! The faults that can be ordered, by name.
 
+use crate::simulate::order::{self, Orderable};
 use clap::ValueEnum;
-use std::fmt;
-use std::str::FromStr;
 
 /// What can go wrong on a SLIN bus. Each is named after the finding that it must raise.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -64,17 +63,6 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Its name.
-    pub fn name(self) -> String {
-        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
-    }
-
-    /// What happens.
-    pub fn meaning(self) -> String {
-        let value = self.to_possible_value();
-        value.and_then(|value| value.get_help().map(ToString::to_string)).unwrap_or_default()
-    }
-
     /// The finding that it is there for.
     pub fn code(self) -> &'static str {
         match self {
@@ -132,54 +120,16 @@ impl Fault {
     }
 }
 
-/// A fault that was ordered: `parity`, `parity=0.01`, `parity@3=0.01`.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Order {
-    /// Which.
-    pub fault: Fault,
-    /// Whose exchanges it strikes; everybody's if not given.
-    pub address: Option<u8>,
-    /// How likely it strikes an exchange.
-    pub probability: f64,
-}
+/// A fault of a SLIN bus that was ordered.
+pub type Order = order::Order<Fault>;
 
-/// The probability of a fault that is ordered without one.
-const PROBABILITY: f64 = 0.01;
-
-impl fmt::Display for Order {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.fault.name())?;
-        if let Some(address) = self.address {
-            write!(f, "@{address}")?;
-        }
-        if self.fault.is_bus_wide() { Ok(()) } else { write!(f, "={}", self.probability) }
+impl Orderable for Fault {
+    fn is_without_probability(self) -> bool {
+        self.is_bus_wide()
     }
-}
 
-impl FromStr for Order {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (place, probability) = match text.split_once('=') {
-            Some((place, probability)) => (place, Some(probability)),
-            None => (text, None),
-        };
-        let (name, address) = match place.split_once('@') {
-            Some((name, address)) => (name, Some(address)),
-            None => (place, None),
-        };
-        let fault = Fault::from_str(name, false)
-            .map_err(|_| format!("no fault is named {name}: see --list-faults"))?;
-        if fault.is_bus_wide() && (probability.is_some() || address.is_some()) {
-            return Err(format!("{name} is there all the time: no address, no probability"));
-        }
-        let address = address.map(super::plan::address).transpose()?;
-        let probability = match probability.map(str::parse) {
-            None => PROBABILITY,
-            Some(Ok(probability)) if (0.0..=1.0).contains(&probability) => probability,
-            Some(_) => return Err("a probability is a number from 0 to 1".to_owned()),
-        };
-        Ok(Order { fault, address, probability })
+    fn station(text: &str) -> Result<u8, String> {
+        super::plan::address(text)
     }
 }
 
@@ -199,7 +149,7 @@ mod tests {
 
     #[test]
     fn orders_are_read() {
-        let order = |fault, address, probability| Ok(Order { fault, address, probability });
+        let order = |fault, station, probability| Ok(Order { fault, station, probability });
         assert_eq!("parity=0.5".parse(), order(Fault::Parity, None, 0.5));
         assert_eq!("parity@3=1".parse(), order(Fault::Parity, Some(3), 1.0));
         assert_eq!("stray-data".parse(), order(Fault::StrayData, None, 0.01));

@@ -12,8 +12,9 @@ use super::Traffic;
 use super::bus::Turn;
 use super::line::{Character, Line, Parity};
 use super::plan::{Length, Plan};
-use super::truth::{May, Told, hex};
+use super::truth::{May, Told};
 use crate::simulate::chance::Chance;
+use crate::simulate::hex;
 use crate::simulate::motion::{Drive, Shaft};
 use crate::simulate::time::{Clock, MS, NS, Ps};
 use serde_json::{Value, json};
@@ -50,7 +51,7 @@ impl OtherBus {
         let shafts = (0..plan.stations.len().min(ADDRESSES))
             .map(|number| {
                 let start = chance.below(1 << BITS) as u32;
-                Shaft::new(BITS, start, drive, Chance::new(plan.seed, 1 + number as u64))
+                Shaft::new(1 << BITS, start, drive, Chance::new(plan.seed, 1 + number as u64))
             })
             .collect();
         let clock = Clock::exact(BAUD);

@@ -7,6 +7,7 @@ use super::receiver::Setup;
 use super::word::Checksum;
 use crate::simulate::chance::Chance;
 use crate::simulate::motion::Motion;
+use crate::simulate::order::Orderable;
 use crate::simulate::time::{Clock, MS, Ps};
 use anyhow::{Result, bail, ensure};
 
@@ -143,7 +144,7 @@ impl Plan {
         let lowest = self.stations.first().map(|station| station.address);
         for order in &mut self.faults {
             if order.fault.belongs_to_one() {
-                order.address = order.address.or(lowest);
+                order.station = order.station.or(lowest);
             }
         }
         for order in &self.faults {
@@ -166,7 +167,7 @@ impl Plan {
     pub fn orders_for(&self, address: u8) -> impl Iterator<Item = &Order> {
         self.faults
             .iter()
-            .filter(move |order| order.address.is_none_or(|bound| bound == address))
+            .filter(move |order| order.station.is_none_or(|bound| bound == address))
             .filter(|order| !order.fault.is_bus_wide())
     }
 
@@ -205,7 +206,7 @@ impl Plan {
         let stations = self
             .stations
             .iter()
-            .filter(|station| order.address.is_none_or(|address| address == station.address));
+            .filter(|station| order.station.is_none_or(|address| address == station.address));
         let profiles: Vec<Profile> = stations.map(|station| station.profile).collect();
         ensure!(!profiles.is_empty(), "{name}: there is no encoder at the address it names");
         let has_bit3 = |level| profiles.iter().any(|profile| profile.bit3() == level);
@@ -296,7 +297,7 @@ mod tests {
     #[test]
     fn faults_of_one_encoder_strike_the_lowest() {
         let settled = example(&["duplicate-address", "collision@3", "parity"]).settle().unwrap();
-        let addresses: Vec<_> = settled.faults.iter().map(|order| order.address).collect();
+        let addresses: Vec<_> = settled.faults.iter().map(|order| order.station).collect();
         assert_eq!(addresses, [Some(0), Some(3), None]);
         assert_eq!(example(&["never-answered"]).settle().unwrap().scan, [1]);
     }

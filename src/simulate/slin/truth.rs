@@ -130,14 +130,10 @@ impl Default for May {
     }
 }
 
-/// Bytes as upper-case hex digits.
-pub fn hex(bytes: impl Iterator<Item = u8>) -> String {
-    bytes.map(|byte| format!("{byte:02X}")).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::hex;
 
     #[test]
     fn a_line_has_only_what_applies() {
