@@ -13,6 +13,7 @@
 //! that turn, and captures of line levels.
 
 mod chance;
+pub mod devicenet;
 mod level;
 mod motion;
 mod order;

@@ -1,10 +1,12 @@
 //! `simulate`: write a bus with chosen faults as a capture.
 
+mod devicenet;
 mod slin;
 
 use crate::simulate::{MS, Ps, seconds};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
+use devicenet::Devicenet;
 use slin::Slin;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -24,6 +26,8 @@ pub struct Arguments {
 pub enum Bus {
     /// Absolute encoders on RS485.
     Slin(Box<Slin>),
+    /// A scanner and absolute encoders on CAN.
+    Devicenet(Box<Devicenet>),
 }
 
 /// 2026-01-01 00:00:00 UTC.
@@ -33,6 +37,7 @@ const NEW_YEAR: u32 = 1_767_225_600;
 pub fn run(arguments: &Arguments) -> ExitCode {
     match &arguments.bus {
         Bus::Slin(slin) => slin.run(),
+        Bus::Devicenet(devicenet) => devicenet.run(),
     }
 }
 
