@@ -192,3 +192,196 @@ fn facts(plan: &Plan, encoders: &[Encoder]) -> Value {
         "expect": nature.map(|order| order.fault.code()).collect::<Vec<_>>(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::devicenet::candump::text;
+    use crate::simulate::devicenet::plan::{Mode, example};
+    use crate::simulate::order::Orderable;
+    use crate::simulate::time::S;
+    use clap::ValueEnum;
+
+    fn run(plan: Plan) -> (Vec<Attempt>, Fate) {
+        let mut bus = Bus::new(plan.settle().unwrap());
+        let attempts = std::iter::from_fn(|| bus.next()).collect();
+        (attempts, bus.air.fate)
+    }
+
+    fn texts(attempts: &[Attempt]) -> Vec<String> {
+        attempts.iter().map(|attempt| text(&attempt.sending.frame)).collect()
+    }
+
+    /// One encoder with MAC ID 23 and a scanner with 0.
+    fn only_23(mode: Mode) -> Plan {
+        let mut plan = example(mode, &[]);
+        plan.stations.retain(|station| station.mac == 23);
+        plan.stations[0].assembly = 1;
+        Plan { duration: 12 * S, ..plan }
+    }
+
+    #[test]
+    fn a_scanner_brings_mac_23_to_work() {
+        let (attempts, _) = run(only_23(Mode::Poll));
+        let texts = texts(&attempts);
+        // In this order: both checks, both opens, allocation, identity, I/O, packet rate 75 ms that
+        // the encoder rounds up to 80, scan. The preset is worked out in the explicit messages.
+        let story = [
+            "4BF#00D401",
+            "4BF#00D401",
+            "780#174B0234",
+            "780#174B0234",
+            "4BE#004B03010100",
+            "4BB#00CB00",
+            "4BC#000E010101",
+            "4BB#008ED401",
+            "4BC#000E010103",
+            "4BB#008E0A00",
+            "4BC#004B03010200",
+            "4BB#00CB00",
+            "4BC#000E050207",
+            "4BB#008E0400",
+            "4BC#00100502094B00",
+            "4BB#00905000",
+            "4BD#",
+            "3D7#",
+            "4BC#000E2F010C",
+            "4BB#008E",
+        ];
+        let mut rest = texts.iter();
+        for frame in story {
+            assert!(rest.any(|text| text.starts_with(frame)), "{frame} in {texts:?}");
+        }
+        assert_eq!(texts.iter().filter(|text| text.starts_with("4BF")).count(), 2);
+        let acknowledged = run(only_23(Mode::Cos)).0;
+        assert!(
+            self::texts(&acknowledged)
+                .windows(2)
+                .any(|two| { two[0].starts_with("357#") && two[1] == "4BA#" })
+        );
+    }
+
+    #[test]
+    fn checks_are_a_second_apart_and_polls_keep_their_pace() {
+        let (attempts, _) = run(only_23(Mode::Poll));
+        let times = |id: &str| -> Vec<Ps> {
+            let of = |attempt: &&Attempt| text(&attempt.sending.frame).starts_with(id);
+            attempts.iter().filter(of).map(|attempt| attempt.start / NS).collect()
+        };
+        let [first, second] = times("4BF#")[..] else { panic!("two checks") };
+        assert!((990_000_000..1_020_000_000).contains(&(second - first)));
+        let polls = times("4BD#");
+        assert!(polls.len() > 100);
+        // 25 ms ± 5 %, and at most a frame of somebody else before it.
+        assert!(polls.windows(2).all(|two| (22_600_000..27_400_000).contains(&(two[1] - two[0]))));
+        assert!(times("3D7#").len().abs_diff(polls.len()) <= 1);
+    }
+
+    #[test]
+    fn frames_do_not_overlap_and_last_as_long_as_their_bits() {
+        for bitrate in [125_000, 250_000, 500_000] {
+            let plan = Plan { bitrate, clock_error: 0.0, ..example(Mode::Strobe, &[]) };
+            let mut free = 0;
+            for attempt in run(plan).0 {
+                let bits = crate::simulate::devicenet::bits::length(&attempt.sending.frame) as i64;
+                let bit = 1_000_000_000_000 / i64::from(bitrate);
+                assert!(attempt.start >= free);
+                assert_eq!(attempt.free - attempt.start, bits * bit);
+                free = attempt.free;
+            }
+        }
+    }
+
+    #[test]
+    fn a_healthy_bus_has_no_error_answer_and_no_silence_in_any_mode() {
+        for mode in [Mode::Poll, Mode::Cos, Mode::Cyclic, Mode::Strobe] {
+            for is_acknowledged in [true, false] {
+                let plan = Plan { is_acknowledged, duration: 30 * S, ..example(mode, &[]) };
+                let (attempts, fate) = run(plan);
+                assert!(fate.counts.is_empty());
+                assert!(attempts.iter().all(|attempt| attempt.flaw.is_none()));
+                let is_error = |attempt: &Attempt| {
+                    let frame = attempt.sending.frame;
+                    attempt.sending.note.kind.ends_with("-response")
+                        && !attempt.sending.note.kind.starts_with(['p', 's'])
+                        && frame.bytes()[1] == 0x94
+                };
+                assert!(!attempts.iter().any(is_error), "{mode:?}");
+                // Everybody comes up once.
+                let checks = attempts.iter().filter(|a| a.sending.note.kind == "dup-mac-request");
+                assert_eq!(checks.count(), 8, "{mode:?}");
+                let mut io = attempts.iter().filter(|a| a.sending.note.position.is_some());
+                assert!(io.clone().count() > 300, "{mode:?}");
+                assert!(io.next_back().unwrap().start > 29 * S, "{mode:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_fault_strikes() {
+        for fault in Fault::value_variants().iter().filter(|fault| !fault.is_nature()) {
+            if fault.is_in_the_tap() {
+                continue;
+            }
+            let order = format!("{}=0.5", fault.name());
+            let tried = [Mode::Poll, Mode::Strobe, Mode::Cos].into_iter().any(|mode| {
+                [true, false].into_iter().any(|is_acknowledged| {
+                    let plan =
+                        Plan { is_acknowledged, duration: 40 * S, ..example(mode, &[&order]) };
+                    plan.clone().settle().is_ok() && run(plan).1.counts.contains_key(fault)
+                })
+            });
+            assert!(tried, "{} never strikes", fault.name());
+        }
+    }
+
+    #[test]
+    fn destroyed_frames_are_sent_again() {
+        let (attempts, fate) = run(example(Mode::Poll, &["stuff=0.02"]));
+        let destroyed: Vec<usize> =
+            (0..attempts.len()).filter(|n| attempts[*n].flaw.is_some()).collect();
+        assert_eq!(destroyed.len() as u64, fate.counts[&Fault::Stuff]);
+        for number in destroyed {
+            // Next, or after who won the arbitration meanwhile.
+            let frame = attempts[number].sending.frame;
+            let later = &attempts[number + 1..attempts.len().min(number + 8)];
+            assert!(later.iter().any(|attempt| attempt.sending.frame == frame));
+        }
+    }
+
+    #[test]
+    fn nobody_hears_a_lone_encoder() {
+        let mut plan = example(Mode::Poll, &["not-acknowledged"]);
+        plan.stations.truncate(1);
+        let (attempts, _) = run(Plan { duration: S, ..plan });
+        assert!(attempts.len() > 500);
+        let first = text(&attempts[0].sending.frame);
+        assert!(first.starts_with("42F#00D401"));
+        assert!(attempts.iter().all(|attempt| text(&attempt.sending.frame) == first));
+        assert_eq!(attempts[15].flaw, Some(Flaw::Unacknowledged));
+        assert_eq!(attempts[16].flaw, Some(Flaw::UnacknowledgedPassive));
+    }
+
+    #[test]
+    fn the_same_seed_makes_the_same_bus() {
+        let frames = |seed| {
+            let plan = Plan { seed, ..example(Mode::Cos, &["no-response=0.1"]) };
+            let attempts = run(plan).0;
+            let times: Vec<Ps> = attempts.iter().map(|attempt| attempt.start).collect();
+            (times, texts(&attempts))
+        };
+        assert_eq!(frames(1), frames(1));
+        assert_ne!(frames(1).1, frames(2).1);
+    }
+
+    #[test]
+    fn a_late_capture_begins_when_everybody_works() {
+        let plan = Plan { starts_late: true, duration: 2 * S, ..example(Mode::Poll, &[]) };
+        let (attempts, fate) = run(plan);
+        let opened = fate.opened().unwrap();
+        assert!(opened > 4 * S);
+        let heard = attempts.iter().filter(|attempt| attempt.start >= opened);
+        assert!(heard.clone().all(|attempt| attempt.sending.note.kind != "dup-mac-request"));
+        assert!(heard.count() > 300);
+    }
+}

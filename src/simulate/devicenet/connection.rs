@@ -87,14 +87,20 @@ impl Connection {
         self.state == State::Established
     }
 
+    /// Whether messages come on it: none do where acknowledges are suppressed.
+    fn hears(&self) -> bool {
+        self.instance != 4 || self.is_acknowledged
+    }
+
     fn start(&mut self, now: Ps) {
         let patience = MULTIPLIER * Ps::from(self.rate) * MS;
-        self.deadline = if self.rate == 0 { Ps::MAX } else { now + patience.max(FIRST) };
+        let is_watched = self.rate > 0 && self.hears();
+        self.deadline = if is_watched { now + patience.max(FIRST) } else { Ps::MAX };
     }
 
     /// A message came.
     pub fn hear(&mut self, now: Ps) {
-        if self.rate > 0 && self.is_established() {
+        if self.rate > 0 && self.is_established() && self.hears() {
             self.deadline = now + MULTIPLIER * Ps::from(self.rate) * MS;
         }
     }

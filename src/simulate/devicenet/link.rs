@@ -2,7 +2,7 @@
 
 use super::air::{Air, Note};
 use super::explicit::{
-    ALLOCATE, Arrival, ERROR, Incoming, Outgoing, PATIENCE, Piece, RESPONSE, acknowledge,
+    ALLOCATE, Arrival, ERROR, Incoming, Outgoing, PATIENCE, Piece, RELEASE, RESPONSE, acknowledge,
 };
 use super::fault::Fault;
 use super::frame::{Frame, id};
@@ -71,10 +71,12 @@ impl Link {
         self.station.mac
     }
 
-    /// It has to be brought to work from the beginning.
-    pub fn forget(&mut self) {
+    /// It has to be brought to work from the beginning. One that restarted knows no master any
+    /// more; another may have to be released first.
+    pub fn forget(&mut self, has_restarted: bool) {
+        let is_allocated = self.is_allocated && !has_restarted;
         let serial = self.serial.take();
-        *self = Link { serial, ..Link::new(self.station) };
+        *self = Link { serial, is_allocated, ..Link::new(self.station) };
     }
 
     /// Whether nothing is asked.
@@ -122,14 +124,23 @@ impl Link {
 impl Scanner {
     /// Asks for the explicit connection at the unconnected port, again and again.
     pub(super) fn allocate(&mut self, link: usize, now: Ps, air: &mut Air) {
-        let slave = self.links[link].mac();
-        let master = self.plan.master;
-        let body = [ALLOCATE, 3, 1, 0x01, master];
-        let frame = Frame::new(id::unconnected(slave), &[&[master], &body[..]].concat());
-        let note = self.note("unconnected-request", link);
-        air.send(now, frame, Note { about: about(&body), ..note });
         self.links[link].is_open = false;
-        self.agenda.set(now + S, Task::Allocate(link));
+        let master = self.plan.master;
+        if std::mem::take(&mut self.links[link].is_allocated) {
+            let all = 0x01 | self.links[link].station.mode.choice();
+            self.ask_unconnected(link, &[RELEASE, 3, 1, all], now, air);
+            self.agenda.set(now + 50 * MS, Task::Allocate(link));
+        } else {
+            self.ask_unconnected(link, &[ALLOCATE, 3, 1, 0x01, master], now, air);
+            self.agenda.set(now + S, Task::Allocate(link));
+        }
+    }
+
+    fn ask_unconnected(&self, link: usize, body: &[u8], now: Ps, air: &mut Air) {
+        let slave = self.links[link].mac();
+        let frame = Frame::new(id::unconnected(slave), &[&[self.plan.master], body].concat());
+        let note = self.note("unconnected-request", link);
+        air.send(now, frame, Note { about: about(body), ..note });
     }
 
     /// Thinks of something to ask.
@@ -185,15 +196,16 @@ impl Scanner {
         self.links[link].heard_at = now + away;
         let station = self.links[link].station;
         self.links[link].jobs.push_back(job::release(&station));
-        // Not before it timed out.
-        self.agenda.cancel(Task::Ask(link));
-        self.agenda.set(now + away, Task::Ask(link));
     }
 
     /// Sends the next request, if none is on its way.
     pub(super) fn ask(&mut self, link: usize, now: Ps, air: &mut Air) {
         let Link { current, jobs, away_until, .. } = &mut self.links[link];
-        if current.is_some() || now < *away_until {
+        if now < *away_until {
+            self.agenda.set(*away_until, Task::Ask(link));
+            return;
+        }
+        if current.is_some() {
             return;
         }
         let Some(job) = jobs.pop_front() else { return };

@@ -46,6 +46,7 @@ use crate::simulate::order::Orderable;
 use crate::simulate::time::{NS, Ps};
 use anyhow::{Context, Result};
 use bus::{Attempt, Bus};
+use fate::Struck;
 use listen::Listener;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -90,13 +91,13 @@ pub fn run(
         let Some(opens) = bus.air.fate.opened().filter(|opens| attempt.free > *opens) else {
             continue;
         };
+        let (before, mut during): (Vec<_>, Vec<_>) =
+            bus.air.fate.take().into_iter().partition(|struck| struck.from < attempt.start);
+        tell_struck(&before, opens, start_ns, &mut truth)?;
         hear(&attempt, opens, start_ns, &mut bus, &mut listener, &mut *tap, &mut truth)?;
+        during.extend(bus.air.fate.take());
+        tell_struck(&during, opens, start_ns, &mut truth)?;
         end = end.max(attempt.free - opens);
-        if let Some(truth) = &mut truth {
-            for struck in bus.air.fate.take() {
-                writeln!(truth, "{}", truth::struck(&struck, opens, start_ns)).context(TRUTH)?;
-            }
-        }
     }
     tap.end(end)?;
     if let Some(mut truth) = truth {
@@ -137,6 +138,20 @@ fn hear(
         let sent = Sent::new(&sending.frame, &sending.note, (times[0], times[1]), fortune);
         serde_json::to_writer(&mut *truth, &sent).context(TRUTH)?;
         writeln!(truth).context(TRUTH)?;
+    }
+    Ok(())
+}
+
+/// The truth tells of faults.
+fn tell_struck(
+    struck: &[Struck],
+    opens: Ps,
+    start_ns: i64,
+    truth: &mut Option<Box<dyn Write>>,
+) -> Result<()> {
+    let Some(truth) = truth else { return Ok(()) };
+    for struck in struck {
+        writeln!(truth, "{}", truth::struck(struck, opens, start_ns)).context(TRUTH)?;
     }
     Ok(())
 }

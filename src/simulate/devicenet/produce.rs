@@ -122,7 +122,7 @@ impl Encoder {
         let delta = self.objects.parameters.delta;
         let change = if since < inhibit / 2 && since > MS {
             self.forbidden(Fault::InhibitViolated, now, air).then_some(delta)
-        } else if since > 2 * inhibit && since < rate / 2 {
+        } else if since > inhibit * 3 / 2 && since < rate * 3 / 4 {
             self.forbidden(Fault::DeltaIgnored, now, air).then_some(delta / 2)
         } else {
             None

@@ -206,8 +206,8 @@ impl Scanner {
     }
 
     /// Brings a slave to work, from the beginning.
-    pub(super) fn begin_anew(&mut self, link: usize, at: Ps) {
-        self.links[link].forget();
+    pub(super) fn begin_anew(&mut self, link: usize, has_restarted: bool, at: Ps) {
+        self.links[link].forget(has_restarted);
         for task in [Task::Open(link, 1), Task::Allocate(link), Task::Ask(link)] {
             self.agenda.cancel(task);
         }
@@ -222,7 +222,7 @@ impl Scanner {
         let patience = (4 * Ps::from(self.plan.packet_rate) * MS).max(300 * MS);
         for link in 0..self.links.len() {
             if self.links[link].is_lost(now, patience) {
-                self.begin_anew(link, now + S);
+                self.begin_anew(link, false, now + S);
             }
         }
     }
@@ -238,7 +238,7 @@ impl Scanner {
         // It restarts: it is online two seconds after its first check.
         if Some(&*known) == serial.as_ref() && self.is_online {
             let soon = self.some(1_500 * MS, 2_500 * MS);
-            self.begin_anew(link, now + soon);
+            self.begin_anew(link, true, now + soon);
         }
     }
 }

@@ -243,7 +243,7 @@ mod tests {
     fn levels_become_spans() {
         let clock = Clock::exact(500_000);
         let course = Course { levels: vec![false, true, false, false, true], end: 5, free: 8 };
-        let low = |from, to| Low { from: from * 2_000_000, to: to * 2_000_000 };
+        let low = |from: Ps, to: Ps| Low { from: from * 2_000_000, to: to * 2_000_000 };
         assert_eq!(course.spans(0, clock), [low(0, 1), low(2, 4)]);
     }
 }
