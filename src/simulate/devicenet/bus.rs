@@ -199,7 +199,7 @@ mod tests {
     use crate::simulate::devicenet::candump::text;
     use crate::simulate::devicenet::plan::{Mode, example};
     use crate::simulate::order::Orderable;
-    use crate::simulate::time::S;
+    use crate::simulate::time::{MS, S};
     use clap::ValueEnum;
 
     fn run(plan: Plan) -> (Vec<Attempt>, Fate) {
@@ -275,6 +275,33 @@ mod tests {
         // 25 ms ± 5 %, and at most a frame of somebody else before it.
         assert!(polls.windows(2).all(|two| (22_600_000..27_400_000).contains(&(two[1] - two[0]))));
         assert!(times("3D7#").len().abs_diff(polls.len()) <= 1);
+    }
+
+    #[test]
+    fn productions_keep_inhibit_time_delta_and_packet_rate() {
+        let plan = Plan { duration: 30 * S, ..only_23(Mode::Cos) };
+        let (attempts, _) = run(plan);
+        let is_io = |attempt: &&Attempt| attempt.sending.note.kind == "cos";
+        let io: Vec<(Ps, u32)> = attempts
+            .iter()
+            .filter(is_io)
+            .filter_map(|attempt| Some((attempt.end, attempt.sending.note.position?)))
+            .collect();
+        assert!(io.len() > 200);
+        let preset = |at: Ps| {
+            attempts.iter().any(|attempt| {
+                let about = attempt.sending.note.about;
+                (at - S / 10..at).contains(&attempt.start)
+                    && about.is_some_and(|about| about.attribute == Some(10))
+            })
+        };
+        for two in io.windows(2).filter(|two| !preset(two[1].0)) {
+            let (gap, change) = (two[1].0 - two[0].0, two[1].1.abs_diff(two[0].1));
+            // Inhibit time 20 ms, delta 100 steps, packet rate 80 ms.
+            assert!(gap >= 20 * MS, "{gap}");
+            assert!(change >= 100 || gap >= 80 * MS, "{change} after {gap}");
+            assert!(gap <= 120 * MS, "{gap}");
+        }
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl Encoder {
         // A little more than asked for, as the time that counts is that on the bus.
         let is_inhibited = now < last.at + inhibit + inhibit / 20;
         let is_free = self.production.waiting.is_none() && !is_inhibited;
-        is_free && (self.has_changed(&last, now) || rate > 0 && now >= last.at + rate - 4 * MS)
+        is_free && (self.has_changed(&last, now) || rate > 0 && now >= last.at + rate)
     }
 
     fn has_changed(&mut self, last: &Last, now: Ps) -> bool {
