@@ -14,6 +14,7 @@ extern crate alloc;
 pub mod bus;
 pub mod can;
 mod decoder;
+pub mod devicenet;
 pub mod event;
 pub mod field;
 pub mod finding;

@@ -53,7 +53,7 @@ pub fn of(frame: &Frame) -> u16 {
 
 /// The checksum of a sequence of bits, the most significant first.
 pub fn checksum(bits: impl Iterator<Item = bool>) -> u16 {
-    bits.fold(0, |sum, bit| advance(sum, bit))
+    bits.fold(0, advance)
 }
 
 const fn advance(sum: u16, bit: bool) -> u16 {
