@@ -243,5 +243,6 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         line,
         slin: slin::Settings { profile: decoding.profile, checksum },
         stations,
+        ..Settings::default()
     })
 }

@@ -7,9 +7,55 @@
 //! 3C0h+s      d d d d d d d d    slave s answers
 //! ```
 //!
-//! [`identifier`] and [`message`] read a frame.
+//! [`identifier`] and [`message`] read a frame, `fragment` puts messages together, `transactions`
+//! finds the request of an answer, `connection` and `node` are what is known of a slave. The
+//! `ledger` holds it all; `explicit`, `request`, `response`, `learn`, `io`, `flow` and `management`
+//! say what each frame does to it, and `alarms` what did not come. Records are told by `layer` and
+//! `summary`.
 
+mod alarms;
 pub mod allocation;
+pub mod codes;
+mod connection;
 pub mod defect;
+mod dissector;
+mod dynamic;
+mod explicit;
+mod flood;
+mod flow;
+mod fragment;
 pub mod identifier;
+mod io;
+mod layer;
+mod learn;
+mod ledger;
+mod management;
 pub mod message;
+mod names;
+mod node;
+mod request;
+mod response;
+mod settings;
+mod signature;
+mod summary;
+mod timing;
+mod transactions;
+
+pub use dissector::DeviceNet;
+pub use layer::FIELDS;
+pub use settings::Settings;
+
+use crate::protocol::{Medium, Protocol};
+use alloc::boxed::Box;
+
+/// DeviceNet in the list of protocols.
+pub static PROTOCOL: Protocol = Protocol {
+    name: "devicenet",
+    title: "DeviceNet on CAN",
+    kinds: &layer::KINDS,
+    fields: &FIELDS,
+    codes: &codes::CODES,
+    medium: Medium::Can,
+    speaks: signature::speaks,
+    dissector: |wire, settings| Box::new(DeviceNet::new(wire, settings)),
+};

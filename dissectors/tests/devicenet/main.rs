@@ -1,0 +1,9 @@
+//! What holds for DeviceNet: the worked frames of the makers' manuals, exchanges and faults as a
+//! technician meets them, and what holds whatever is on the bus.
+
+mod bus;
+mod examples;
+mod explicit;
+mod io;
+mod management;
+mod properties;
