@@ -240,14 +240,14 @@ impl Ledger {
         if fragment.part == Part::Acknowledge {
             return self.acknowledge(now, channel, (fragment, data), facts);
         }
-        let is_first = self.node(channel.server).hear_client(channel.client, channel.xid);
+        let was_heard = self.node(channel.server).knows_client(channel.client, channel.xid);
         if channel.from_server && fragment.part == Part::First {
             self.settle(channel);
         }
         let place = self.assemblies.of(channel.key(channel.from_server));
         let Some(assembly) = self.assemblies.get_mut(place) else { return };
         assembly.server = Some(channel.server);
-        let step = assembly.take((fragment, data), now.mark.n, !is_first, true);
+        let step = assembly.take((fragment, data), now.mark.n, was_heard, true);
         let sequence = Finding::new(&codes::FRAGMENT_SEQUENCE).actual(i64::from(fragment.byte()));
         match step {
             Step::Begins => {}
@@ -298,6 +298,7 @@ impl Ledger {
 
     /// The last fragment of a request whose beginning was not seen: its answer is no surprise.
     fn unseen(&mut self, channel: Channel, fragment: Fragment) {
+        self.node(channel.server).hear_client(channel.client, channel.xid);
         if fragment.part != Part::Last {
             return;
         }

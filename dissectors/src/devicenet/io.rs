@@ -249,8 +249,8 @@ impl Ledger {
         self.last_strober = Some(master);
         for slave in macs(self.strobed) {
             if self.owner(slave) == Some(master) {
-                let piece = Piece::Whole(now.data.len());
-                self.flow(now, (slave, Instance::Strobe, Direction::Consumed), piece);
+                // It has a bit for each, whatever size the slave says that it consumes.
+                self.flow(now, (slave, Instance::Strobe, Direction::Consumed), Piece::First);
             }
         }
     }

@@ -98,11 +98,15 @@ impl Node {
         self.choice.is_some_and(|allocated| allocated.has(choice))
     }
 
+    /// Whether any request or answer of a client's transactions was heard.
+    pub const fn knows_client(&self, client: MacId, xid: bool) -> bool {
+        self.heard_clients[xid as usize] & client.bit() != 0
+    }
+
     /// Whether this request or answer is the first that is heard of a client's transactions.
     pub fn hear_client(&mut self, client: MacId, xid: bool) -> bool {
-        let heard = &mut self.heard_clients[usize::from(xid)];
-        let is_first = *heard & client.bit() == 0;
-        *heard |= client.bit();
+        let is_first = !self.knows_client(client, xid);
+        self.heard_clients[usize::from(xid)] |= client.bit();
         is_first
     }
 

@@ -95,6 +95,8 @@ fn shown(value: Value<'_>) -> Option<String> {
 #[derive(Clone, Debug)]
 pub enum Heard {
     Frame(Frame),
+    /// Frames that come at once.
+    Batch(Vec<Frame>),
     Lost(i64),
     Advance(i64),
 }
@@ -130,6 +132,7 @@ pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
     for heard in heard {
         match heard {
             Heard::Frame(frame) => bus.hear(Event::Frames(&[*frame]), &mut out),
+            Heard::Batch(frames) => bus.hear(Event::Frames(frames), &mut out),
             Heard::Lost(ns) => {
                 let start = Moment::from_ns(*ns);
                 let loss = Loss { start, count: None, cause: LossCause::Capture };
