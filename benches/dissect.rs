@@ -51,7 +51,7 @@ fn characters() -> Vec<Character> {
 }
 
 fn bus(facts: WireFacts) -> Bus {
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Sample) };
+    let info = BusInfo::new("bus", Some(Clock::Sample));
     Bus::new(info, facts, Settings::default())
 }
 

@@ -1,5 +1,6 @@
 //! The command line, as the user writes it. What it means is decided in `commands`.
 
+use crate::clock::At;
 use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -73,6 +74,10 @@ pub struct Decoding {
     #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(baud), help_heading = "Bus")]
     pub baud: Auto<Baud>,
 
+    /// CAN: bit rate in bit/s, such as 125k or 500000, or auto.
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = auto_or(bitrate), help_heading = "Bus")]
+    pub bitrate: Auto<Baud>,
+
     /// Character format such as 8E1, or auto.
     #[arg(long, value_name = "FORMAT", default_value = "auto", value_parser = auto_or(format), help_heading = "Bus")]
     pub frame: Auto<Format>,
@@ -93,7 +98,7 @@ pub struct Decoding {
     #[arg(long, value_name = "FILE", help_heading = "Bus")]
     pub stations: Option<PathBuf>,
 
-    /// How times are shown.
+    /// How the table shows times.
     #[arg(long, value_name = "STYLE", default_value = "relative", help_heading = "Output")]
     pub time: TimeStyle,
 
@@ -101,15 +106,16 @@ pub struct Decoding {
     #[arg(long, value_name = "WHEN", default_value = "auto", help_heading = "Output")]
     pub color: clap::ColorChoice,
 
-    /// Only records that begin at this time or later: seconds, as the trace shows them.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_hyphen_values = true, help_heading = "Selection")]
-    pub from: Option<i64>,
+    /// Only records that begin at this time or later: seconds, as the trace shows them, or a time
+    /// of day such as 10:41:07 (UTC).
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, help_heading = "Selection")]
+    pub from: Option<At>,
 
     /// Only records that begin before this time.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_hyphen_values = true, help_heading = "Selection")]
-    pub to: Option<i64>,
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, help_heading = "Selection")]
+    pub to: Option<At>,
 
-    /// Stop after so many records.
+    /// Stop after so many records were shown.
     #[arg(long, value_name = "N", help_heading = "Selection")]
     pub count: Option<u64>,
 
@@ -168,7 +174,7 @@ pub enum FailOn {
 /// How times are shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 pub enum TimeStyle {
-    /// Seconds since the first record.
+    /// Seconds since the capture's start; where it has dates, since its first record.
     Relative,
     /// Date and time of day, where the source has them.
     Absolute,
@@ -212,12 +218,15 @@ fn baud(text: &str) -> Result<Baud, String> {
     rate.ok_or_else(|| "not a rate in Bd, such as 115200".to_owned())
 }
 
-fn format(text: &str) -> Result<Format, String> {
-    text.parse().map_err(|error: dissectors::uart::FormatError| error.to_string())
+fn bitrate(text: &str) -> Result<Baud, String> {
+    let rate = crate::source::frequency(text).and_then(|rate| u32::try_from(rate).ok());
+    let is_possible = |rate: &u32| *rate <= 1_000_000;
+    let rate = rate.filter(is_possible).and_then(Baud::new);
+    rate.ok_or_else(|| "not a bit rate of CAN, such as 125000 or 500k".to_owned())
 }
 
-fn seconds(text: &str) -> Result<i64, String> {
-    crate::source::seconds_in_ns(text).ok_or_else(|| "not a time in seconds".to_owned())
+fn format(text: &str) -> Result<Format, String> {
+    text.parse().map_err(|error: dissectors::uart::FormatError| error.to_string())
 }
 
 fn frequency(text: &str) -> Result<u64, String> {

@@ -1,14 +1,45 @@
 //! How times are shown.
 
 use crate::cli::TimeStyle;
+use crate::source::seconds_in_ns;
 use crate::tally::Period;
 use dissectors::event::Moment;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use std::fmt;
+use std::str::FromStr;
 
 /// Times from here on are taken for dates, not for seconds since the capture's start: 1973.
 const FIRST_DATE_NS: i64 = 100_000_000_000_000_000;
+
+const DAY_NS: i64 = 86_400_000_000_000;
+
+/// A time as the user names it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum At {
+    /// Seconds since the capture's start, in ns.
+    Since(i64),
+    /// Time of day (UTC), in ns since midnight.
+    TimeOfDay(i64),
+}
+
+impl FromStr for At {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        const NO_TIME: &str = "not a time: seconds such as 1.25, or a time of day such as 10:41:07";
+        let Some((hours, rest)) = text.split_once(':') else {
+            return seconds_in_ns(text).map(At::Since).ok_or(NO_TIME);
+        };
+        let (minutes, seconds) = rest.split_once(':').ok_or(NO_TIME)?;
+        let below = |text: &str, limit: i64| {
+            text.parse().ok().filter(|number| (0..limit).contains(number)).ok_or(NO_TIME)
+        };
+        let minutes = below(hours, 24)? * 60 + below(minutes, 60)?;
+        let seconds = seconds_in_ns(seconds).filter(|ns| (0..60_000_000_000).contains(ns));
+        Ok(At::TimeOfDay(minutes * 60_000_000_000 + seconds.ok_or(NO_TIME)?))
+    }
+}
 
 /// Turns moments into text.
 #[derive(Clone, Debug)]
@@ -25,12 +56,17 @@ impl Clock {
         Clock { style, zero: None, last: None }
     }
 
-    /// Takes note of the next record's time, and returns how much later it is than the one before.
-    pub fn tick(&mut self, time: Moment) -> Option<i64> {
-        let ns = time.ns()?;
-        if self.zero.is_none() {
+    /// Takes note of the first time of the run: dates are counted from here.
+    pub fn begin(&mut self, time: Moment) {
+        if let (Some(ns), None) = (time.ns(), self.zero) {
             self.zero = Some(if ns >= FIRST_DATE_NS { ns } else { 0 });
         }
+    }
+
+    /// Takes note of the next record's time, and returns how much later it is than the one before.
+    pub fn tick(&mut self, time: Moment) -> Option<i64> {
+        self.begin(time);
+        let ns = time.ns()?;
         let delta = self.last.map(|last| ns.saturating_sub(last));
         self.last = Some(ns);
         delta
@@ -39,6 +75,16 @@ impl Clock {
     /// Nanoseconds since the capture's start.
     pub fn relative(&self, time: Moment) -> Option<i64> {
         Some(time.ns()?.saturating_sub(self.zero.unwrap_or(0)))
+    }
+
+    /// A time that the user named, in nanoseconds since the capture's start. A time of day is the
+    /// first one after that start.
+    pub fn resolve(&self, at: At) -> i64 {
+        let zero = self.zero.unwrap_or(0);
+        match at {
+            At::Since(ns) => ns,
+            At::TimeOfDay(ns) => (ns - zero % DAY_NS).rem_euclid(DAY_NS),
+        }
     }
 
     /// The time in this style, given how much later it is than the record before.
@@ -62,7 +108,7 @@ impl Clock {
             Ok(time) if ns >= FIRST_DATE_NS => {
                 time.to_zoned(TimeZone::UTC).strftime(form).to_string()
             }
-            _ => format!("{:.3} s", ns as f64 / 1e9),
+            _ => format!("{}.{:03} s", ns / 1_000_000_000, ns / 1_000_000 % 1_000),
         };
         let (first, last) = (text(first), text(last));
         if first == last { format!(", {first}") } else { format!(", {first} to {last}") }
@@ -136,6 +182,20 @@ mod tests {
         assert_eq!(period(5_000_000, 650_000_000), ", 22:13:20.005 to 22:13:20.650");
         assert_eq!(period(5_000_000, 5_000_000), ", 22:13:20.005");
         assert_eq!(clock.period(Period::NEVER), "");
+    }
+
+    #[test]
+    fn users_name_times_as_they_are_shown() {
+        let second = 1_000_000_000;
+        let mut clock = Clock::new(TimeStyle::Relative);
+        // 22:13:20 UTC.
+        clock.begin(Moment::from_ns(1_700_000_000 * second));
+        let at = |text: &str| text.parse().map(|at| clock.resolve(at));
+        assert_eq!(at("1.25"), Ok(1_250_000_000));
+        assert_eq!(at("22:13:20.5"), Ok(500_000_000));
+        // The next day.
+        assert_eq!(at("00:00:00"), Ok((6_400) * second));
+        assert!(at("24:00:00").is_err() && at("10:41").is_err() && at("soon").is_err());
     }
 
     #[test]

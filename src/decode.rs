@@ -1,13 +1,15 @@
 //! What every decoding command does: read the sources, pass records on, and end well.
 
 use crate::cli::{Decoding, FailOn, Invert};
-use crate::clock::Clock;
+use crate::clock::{At, Clock};
 use crate::export::Export;
 use crate::interrupt;
 use crate::pipeline::{Consumer, Pipeline};
+use crate::say;
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
+use dissectors::can;
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
 use dissectors::protocol::Settings;
@@ -51,14 +53,19 @@ impl Outcome {
         self.output.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// Whether the output is whole, as far as the source was.
+    /// Whether the output could be written, as far as the source went.
     pub fn has_written(&self) -> bool {
         self.output.is_ok()
     }
 
+    /// Whether the source was read to its end, and all of it was written.
+    pub fn is_whole(&self) -> bool {
+        self.has_written() && self.error.is_none() && !self.is_interrupted
+    }
+
     /// The four lines that sum it up.
     pub fn verdict(&self) -> Verdict {
-        Verdict::of(&self.tally, self.pipeline.buses(), &self.clock)
+        Verdict::of(&self.tally, &self.pipeline, &self.clock, self.error.is_some())
     }
 
     /// Says on standard error what was found out, what went wrong, and the last four lines.
@@ -70,14 +77,14 @@ impl Outcome {
             self.report_conclusions();
         }
         if let Err(error) = &self.output {
-            eprintln!("fieldtap: the output cannot be written: {error}");
+            say!("fieldtap: the output cannot be written: {error}");
         }
         if let Some(error) = &self.error {
-            eprintln!("fieldtap: {error}");
+            say!("fieldtap: {error}");
         }
         if !self.is_quiet {
             for (heading, text) in self.verdict().lines() {
-                eprintln!("{heading:<6} {text}");
+                say!("{heading:<6} {text}");
             }
         }
     }
@@ -85,7 +92,7 @@ impl Outcome {
     fn report_conclusions(&self) {
         for bus in self.pipeline.buses() {
             for learned in Learned::of(bus) {
-                eprintln!("auto: {}: {learned}", bus.info().name);
+                say!("auto: {}: {learned}", bus.info().name);
             }
         }
     }
@@ -137,13 +144,12 @@ pub fn decode(
         let passed = source::open(name, &options)
             .and_then(|mut source| pipeline.pass(&mut *source, &mut desk));
         if let Err(stopped) = passed {
-            error = Some(stopped);
+            // What an interruption cuts is not the source's fault.
+            error = Some(stopped).filter(|_| !interrupt::came());
             break;
         }
     }
-    // What an interruption cuts is not the source's fault.
     let is_interrupted = interrupt::came();
-    let error = error.filter(|_| !is_interrupted);
     pipeline.finish(&mut desk);
     if desk.output.is_ok() {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
@@ -158,9 +164,8 @@ struct Desk<'a> {
     export: &'a mut dyn Export,
     tally: Tally,
     clock: Clock,
-    /// In ns, as times are shown.
-    from: Option<i64>,
-    to: Option<i64>,
+    from: Option<At>,
+    to: Option<At>,
     left: u64,
     output: io::Result<()>,
     /// What is heard comes as it happens, and so it is shown.
@@ -170,16 +175,21 @@ struct Desk<'a> {
 
 impl Sink for Desk<'_> {
     fn record(&mut self, record: &Record<'_>) {
-        self.clock.tick(record.start);
-        let time = self.clock.relative(record.start);
-        let is_early = self.from.is_some_and(|from| time.is_some_and(|time| time < from));
-        let is_late = self.to.is_some_and(|to| time.is_some_and(|time| time >= to));
-        if is_early || is_late || self.left == 0 {
+        self.clock.begin(record.start);
+        self.export.begin(record.start);
+        let is_before = |limit: Option<At>| {
+            let time = self.clock.relative(record.start).zip(limit);
+            time.is_some_and(|(time, limit)| time < self.clock.resolve(limit))
+        };
+        let is_late = self.to.is_some() && record.start.is_known() && !is_before(self.to);
+        if is_before(self.from) || is_late || self.left == 0 {
             return;
         }
-        self.left -= 1;
         self.tally.record(record);
-        self.export.record(record);
+        if self.export.wants(record) {
+            self.left -= 1;
+            self.export.record(record);
+        }
     }
 }
 
@@ -200,7 +210,7 @@ impl Consumer for Desk<'_> {
 
     fn warn(&mut self, warning: &SourceError) {
         if !self.is_quiet {
-            eprintln!("fieldtap: warning: {warning}");
+            say!("fieldtap: warning: {warning}");
         }
     }
 
@@ -241,6 +251,7 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     Ok(Settings {
         protocol: decoding.protocol.given(),
         line,
+        can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
         stations,
         ..Settings::default()

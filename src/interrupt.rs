@@ -7,10 +7,17 @@ use std::sync::{Arc, OnceLock};
 /// Signals come to the process as a whole.
 static CAME: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// Catches SIGINT and SIGTERM from here on. A second one ends the program with this status.
+/// Those that end a run: Ctrl-C, `kill`, and a terminal that is closed.
+#[cfg(unix)]
+const SIGNALS: [i32; 3] =
+    [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP];
+#[cfg(not(unix))]
+const SIGNALS: [i32; 2] = [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM];
+
+/// Catches the signals that end a run from here on. A second one ends the program with this status.
 pub fn catch(status: u8) {
     let came = CAME.get_or_init(Arc::default);
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in SIGNALS {
         // Where signals cannot be caught, they end the run without last lines.
         let second = Arc::clone(came);
         let _ = signal_hook::flag::register_conditional_shutdown(signal, i32::from(status), second)
@@ -23,24 +30,18 @@ pub fn came() -> bool {
     CAME.get().is_some_and(|came| came.load(Ordering::Relaxed))
 }
 
-/// Standard input, which ends when the user interrupts, even while nothing comes.
-pub struct Stdin(io::Stdin);
-
-impl Default for Stdin {
-    fn default() -> Self {
-        Stdin(io::stdin())
-    }
-}
+/// Standard input, a pipe or a device: it ends when the user interrupts, even while nothing comes.
+pub struct Live<F>(pub F);
 
 #[cfg(unix)]
-impl Read for Stdin {
+impl<F: std::os::fd::AsFd> Read for Live<F> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         use rustix::event::{PollFd, PollFlags, Timespec, poll};
         // A signal ends the wait at once; the time is for one that comes just before it.
         let wait = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
         while !came() {
-            let mut stdin = [PollFd::new(&self.0, PollFlags::IN)];
-            match poll(&mut stdin, Some(&wait)) {
+            let mut waiting = [PollFd::new(&self.0, PollFlags::IN)];
+            match poll(&mut waiting, Some(&wait)) {
                 Ok(0) | Err(rustix::io::Errno::INTR) => {}
                 // Data, the end, or an error: all of them are for read to tell. Not that of the
                 // standard library, whose buffer would hold back what poll waits for.
@@ -52,7 +53,7 @@ impl Read for Stdin {
 }
 
 #[cfg(not(unix))]
-impl Read for Stdin {
+impl<F: Read> Read for Live<F> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.0.read(buffer)
     }

@@ -41,6 +41,11 @@ impl Pipeline {
         &self.buses
     }
 
+    /// How many records there were.
+    pub fn records(&self) -> u64 {
+        self.last_number
+    }
+
     /// Passes everything of a source on, for as long as the consumer wants more. Buses of the same
     /// name go on where an earlier source left them.
     ///
@@ -62,7 +67,10 @@ impl Pipeline {
                     };
                     let known = self.buses.iter().enumerate().find(is_it).map(|(index, _)| index);
                     numbers.push(known.unwrap_or(self.buses.len()));
-                    if known.is_none() {
+                    if let Some(known) = known {
+                        let mut out = Output::new(&mut self.last_number, &mut *consumer);
+                        self.buses[known].go_on(facts, &mut out);
+                    } else {
                         self.buses.push(Bus::new(info, facts, self.settings.clone()));
                         self.ends.push(Moment::UNKNOWN);
                     }

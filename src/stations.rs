@@ -13,7 +13,14 @@ use dissectors::station::{Direction, MAX_POSITION_BITS, Resolution, Station, Sta
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Read;
 use std::path::Path;
+
+/// Bytes of a file of stations that are believed.
+const LONGEST_FILE: u64 = 1 << 20;
+
+/// The highest number of a station on any bus.
+const LAST_STATION: u16 = 255;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,12 +56,22 @@ enum Turning {
 /// It cannot be read, is no TOML, or says something that cannot be.
 pub fn read(path: &Path) -> anyhow::Result<Stations> {
     let file = path.display();
-    let text = fs::read_to_string(path).with_context(|| format!("{file}: cannot be read"))?;
+    let mut text = String::new();
+    let read = fs::File::open(path)
+        .and_then(|file| file.take(LONGEST_FILE).read_to_string(&mut text))
+        .with_context(|| format!("{file}: cannot be read"))?;
+    if read as u64 == LONGEST_FILE {
+        bail!("{file}: this is larger than any file of stations");
+    }
     let parsed: File = toml::from_str(&text).with_context(|| format!("{file}: not understood"))?;
     let mut stations = Stations::new();
     for (number, entry) in parsed.station {
-        let Ok(station) = number.parse::<u16>() else {
-            bail!("{file}: [station.{number}]: a station is a number, as in [station.3]");
+        let station = number.parse::<u16>().ok().filter(|number| *number <= LAST_STATION);
+        let Some(station) = station else {
+            bail!(
+                "{file}: [station.{number}]: a station is a number up to {LAST_STATION}, as in \
+                 [station.3]"
+            );
         };
         let known = entry.known().with_context(|| format!("{file}: [station.{number}]"))?;
         stations.insert(station, known);

@@ -2,7 +2,7 @@
 
 use dissectors::event::Moment;
 use dissectors::field::{Role, Value};
-use dissectors::finding::{Code, Severity, State};
+use dissectors::finding::{Code, Finding, Severity, State};
 use dissectors::record::{Record, Sink, Turn};
 use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
@@ -66,7 +66,7 @@ pub struct FindingTally {
     pub bus: String,
     /// The station it concerns.
     pub station: Option<u16>,
-    /// How often, ends of states not counted.
+    /// How often: the begin of a state and its repeats, not its end.
     pub count: u64,
     /// When.
     pub period: Period,
@@ -89,6 +89,15 @@ pub struct Tally {
     pub uncertainty: u32,
     /// The request that was asked last, and whose it was: the index of its station.
     last_asked: Option<(u64, usize)>,
+    /// Where the stations of each bus stand.
+    places: Vec<Places>,
+}
+
+/// The stations of a bus: by their number, where each stands among all.
+#[derive(Default)]
+struct Places {
+    bus: String,
+    by_station: Vec<Option<usize>>,
 }
 
 impl Tally {
@@ -104,9 +113,18 @@ impl Tally {
     }
 
     fn station(&mut self, bus: &str, station: u16) -> usize {
-        let is_it = |tally: &StationTally| tally.station == station && tally.bus == bus;
-        self.stations.iter().position(is_it).unwrap_or_else(|| {
-            self.stations.push(StationTally {
+        let Tally { stations, places, .. } = self;
+        let bus_index = places.iter().position(|places| places.bus == bus).unwrap_or_else(|| {
+            places.push(Places { bus: bus.to_owned(), ..Places::default() });
+            places.len() - 1
+        });
+        let by_station = &mut places[bus_index].by_station;
+        let number = usize::from(station);
+        if by_station.len() <= number {
+            by_station.resize(number + 1, None);
+        }
+        *by_station[number].get_or_insert_with(|| {
+            stations.push(StationTally {
                 bus: bus.to_owned(),
                 station,
                 asked: 0,
@@ -115,7 +133,7 @@ impl Tally {
                 period: Period::NEVER,
                 response_times: histogram(),
             });
-            self.stations.len() - 1
+            stations.len() - 1
         })
     }
 
@@ -144,31 +162,29 @@ impl Tally {
     }
 
     fn add_findings(&mut self, record: &Record<'_>) {
-        for finding in record.findings {
-            if matches!(finding.state, Some(State::End(_))) {
-                continue;
-            }
-            let is_it = |tally: &FindingTally| {
-                tally.code == finding.code
-                    && tally.station == record.station
-                    && tally.bus == record.bus.name
-            };
-            let index = self.findings.iter().position(is_it).unwrap_or_else(|| {
-                self.findings.push(FindingTally {
-                    code: finding.code,
-                    bus: record.bus.name.clone(),
-                    station: record.station,
-                    count: 0,
-                    period: Period::NEVER,
-                });
-                self.findings.len() - 1
-            });
-            self.findings[index].count += 1;
-            self.findings[index].period.add(record.start);
+        let is_end = |finding: &&Finding| matches!(finding.state, Some(State::End(_)));
+        let told = record.findings.iter().filter(|finding| !is_end(finding));
+        for code in told.map(|finding| finding.code).chain(record.ongoing.iter().copied()) {
+            let finding = self.finding(code, record);
+            finding.count += 1;
+            finding.period.add(record.start);
         }
         for code in record.withheld {
             *self.withheld.entry(code.name).or_default() += 1;
         }
+    }
+
+    fn finding(&mut self, code: &'static Code, record: &Record<'_>) -> &mut FindingTally {
+        let (bus, station) = (&record.bus.name, record.station);
+        let is_it = |tally: &FindingTally| {
+            tally.code == code && tally.station == station && tally.bus == *bus
+        };
+        let index = self.findings.iter().position(is_it).unwrap_or_else(|| {
+            let (bus, period) = (bus.clone(), Period::NEVER);
+            self.findings.push(FindingTally { code, bus, station, count: 0, period });
+            self.findings.len() - 1
+        });
+        &mut self.findings[index]
     }
 }
 

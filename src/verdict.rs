@@ -3,12 +3,15 @@
 //! Is the line all right, who is there, what was wrong, and what could not be judged.
 
 use crate::clock::Clock;
+use crate::pipeline::Pipeline;
 use crate::tally::{FindingTally, StationTally, Tally};
+use crate::terminal::clean;
 use dissectors::bus::{Bus, LineCounts};
 use dissectors::finding::{Severity, Span};
-use dissectors::protocol::Conclusion;
+use dissectors::protocol::{Conclusion, Medium};
+use dissectors::uart::Baud;
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
 
 /// The four lines, each with its heading.
@@ -25,13 +28,15 @@ pub struct Verdict {
 
 impl Verdict {
     /// Sums a run up.
-    pub fn of(tally: &Tally, buses: &[Bus], clock: &Clock) -> Verdict {
+    pub fn of(tally: &Tally, pipeline: &Pipeline, clock: &Clock, has_failed: bool) -> Verdict {
+        let buses = pipeline.buses();
         let several = buses.len() > 1;
+        let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline));
         Verdict {
-            line: line(buses, several),
-            who: who(tally, several),
-            wrong: wrong(tally, several, clock),
-            open: open(tally, buses),
+            line: clean(&line(buses, several)),
+            who: clean(&who(tally, several)),
+            wrong: clean(&wrong),
+            open: clean(&open(tally, buses, has_failed)),
         }
     }
 
@@ -53,6 +58,52 @@ fn line(buses: &[Bus], several: bool) -> String {
 }
 
 fn line_of(bus: &Bus) -> String {
+    if is_can(bus) { line_of_can(bus) } else { line_of_characters(bus) }
+}
+
+/// Whether frames were heard on it, or would be.
+fn is_can(bus: &Bus) -> bool {
+    bus.counts().frames > 0 || bus.protocol().is_some_and(|protocol| protocol.medium == Medium::Can)
+}
+
+fn line_of_can(bus: &Bus) -> String {
+    let LineCounts { frames, error_frames, losses, .. } = bus.counts();
+    if frames == 0 {
+        return "silent: no frames".to_owned();
+    }
+    let state = if error_frames * 100 > frames { "bad" } else { "ok" };
+    let rate = match bus.wire().baud() {
+        Some(rate) => bitrate(rate),
+        None => "bit rate not known".to_owned(),
+    };
+    let plural = if frames == 1 { "" } else { "s" };
+    let share = error_frames as f64 * 100.0 / frames as f64;
+    let errors = counted(error_frames, "error frame");
+    let mut text = format!("{state}: {rate}, {frames} frame{plural}, {errors} ({share:.2} %)");
+    let load = bus.load();
+    let percent = |permille: u16| f64::from(permille) / 10.0;
+    // A String takes any text.
+    if let Some(mean) = load.and_then(|load| load.mean()) {
+        let _ = write!(text, ", load {:.1} %", percent(mean));
+    }
+    if let Some(peak) = load.and_then(|load| load.peak()) {
+        let _ = write!(text, ", peak {:.1} %", percent(peak));
+    }
+    if losses > 0 {
+        let _ = write!(text, ", {losses} loss{}", if losses == 1 { "" } else { "es" });
+    }
+    text
+}
+
+/// A bit rate as people say it.
+fn bitrate(rate: Baud) -> String {
+    match rate.get() {
+        rate if rate.is_multiple_of(1_000) => format!("{} kbit/s", rate / 1_000),
+        rate => format!("{rate} bit/s"),
+    }
+}
+
+fn line_of_characters(bus: &Bus) -> String {
     let counts = bus.counts();
     let wire = bus.wire();
     let state = match counts {
@@ -134,18 +185,33 @@ fn who_of(stations: &[&StationTally]) -> String {
     text
 }
 
-fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
+/// What a bus without a finding is told.
+fn nothing(tally: &Tally, pipeline: &Pipeline) -> String {
+    let (shown, all) = (tally.records, pipeline.records());
+    if all == 0 {
+        return "nothing was heard".to_owned();
+    }
+    if shown == 0 {
+        return format!("none of {} was selected", counted(all, "record"));
+    }
+    let infos = tally.count(Severity::Info);
+    let infos = if infos > 0 { format!(", {}", counted(infos, "note")) } else { String::new() };
+    let of = if shown < all { format!(" selected of {all}") } else { String::new() };
+    format!("nothing found in {}{of}{infos}; {}", counted(shown, "record"), judged(tally, pipeline))
+}
+
+/// The worst that was found, and what to do about it.
+fn wrong(tally: &Tally, several: bool, clock: &Clock) -> Option<String> {
     let mut bad: Vec<&FindingTally> =
         tally.findings.iter().filter(|finding| finding.code.severity > Severity::Info).collect();
+    // A cause that lies in the bus as a whole may explain one that seems to lie at a station.
     let weight = |finding: &&FindingTally| {
-        Reverse((finding.code.is_cause, finding.code.severity, finding.count))
+        let is_cause = finding.code.is_cause;
+        let is_general = is_cause && finding.station.is_none();
+        Reverse((is_cause, is_general, finding.code.severity, finding.count))
     };
     bad.sort_by_key(weight);
-    let Some(worst) = bad.first() else {
-        let infos = tally.count(Severity::Info);
-        let infos = if infos > 0 { format!(", {}", counted(infos, "note")) } else { String::new() };
-        return format!("nothing found in {} records{infos}; {}", tally.records, judged(tally));
-    };
+    let worst = *bad.first()?;
     let alike = || bad.iter().filter(|finding| finding.code == worst.code);
     let hit = alike().count();
     let heard = tally.stations.iter().filter(|station| station.answers > 0).count();
@@ -156,17 +222,15 @@ fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
         Some(station) => format!("{bus}{station}: {} x {what}{times}", worst.count),
         None => format!("{bus}{} x {what}{times}", worst.count),
     };
-    match (worst.station, bad.len() - 1, hit) {
-        (Some(_), 0, _) if heard > 1 => text.push_str(", others clean"),
-        (_, 0, _) => {}
-        (Some(_), more, 2..) => {
-            let stations = counted(hit as u64 - 1, "more station");
-            let kinds = counted(more as u64, "more kind");
-            let _ = write!(text, ", {stations} too, {kinds} in all");
-        }
-        (_, more, _) => {
-            let _ = write!(text, ", {}", counted(more as u64, "more kind"));
-        }
+    let kinds: BTreeSet<&str> = bad.iter().map(|finding| finding.code.name).collect();
+    if worst.station.is_some() && bad.len() == 1 && heard > 1 {
+        text.push_str(", others clean");
+    }
+    if worst.station.is_some() && hit > 1 {
+        let _ = write!(text, ", {} too", counted(hit as u64 - 1, "more station"));
+    }
+    if kinds.len() > 1 {
+        let _ = write!(text, ", {}", counted(kinds.len() as u64 - 1, "more kind"));
     }
     // What nearly always hits the same station is a matter of that station, else of the bus.
     let all: u64 = alike().map(|finding| finding.count).sum();
@@ -179,34 +243,49 @@ fn wrong(tally: &Tally, several: bool, clock: &Clock) -> String {
             let _ = write!(text, " -> {}", worst.code.cure.all);
         }
     }
-    text
+    Some(text)
 }
 
 fn counted(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-fn judged(tally: &Tally) -> String {
-    if tally.withheld.is_empty() {
-        return "everything was judged".to_owned();
+fn judged(tally: &Tally, pipeline: &Pipeline) -> String {
+    let names = tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name));
+    let parity = (unknown_parity(pipeline.buses()) > 0).then_some("parity");
+    let names: Vec<&str> = names.chain(parity).collect();
+    match names.as_slice() {
+        [] => "everything was judged".to_owned(),
+        names => format!("all judged but {}", names.join(", ")),
     }
-    let names: Vec<&str> =
-        tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name)).collect();
-    format!("all judged but {}", names.join(", "))
 }
 
-fn open(tally: &Tally, buses: &[Bus]) -> String {
+fn unknown_parity(buses: &[Bus]) -> u64 {
+    buses.iter().map(|bus| bus.counts().unknown_parity).sum()
+}
+
+fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
     let mut open: Vec<String> = Vec::new();
+    if has_failed {
+        open.push("what comes after the source's failure".to_owned());
+    }
     for (name, count) in &tally.withheld {
         let name = name.rsplit('.').next().unwrap_or(name);
         open.push(format!("{name} not judged {count} x ({})", why_withheld(tally, buses)));
     }
-    let unknown: u64 = buses.iter().map(|bus| bus.counts().unknown_parity).sum();
+    let unknown = unknown_parity(buses);
     if unknown > 0 {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
+    if buses.iter().any(|bus| is_can(bus) && bus.wire().baud().is_none()) {
+        open.push(
+            "load and time on the wire not judged (bit rate not known: --bitrate)".to_owned(),
+        );
+    }
     // The window follows bit 3: to say that one is open says it of the other.
-    let undecided = |learned: &Learned| learned.value.is_none() && learned.subject != "window";
+    let is_told = ["window", "bitrate"];
+    let undecided =
+        |learned: &Learned| learned.value.is_none() && !is_told.contains(&learned.subject);
     for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
         open.push(learned.question());
     }

@@ -37,11 +37,14 @@ fn battered(format: InputFormat, bytes: &[u8]) {
 #[test]
 fn nothing_saved_trips_a_target() {
     use InputFormat::{
-        Bytes, Chars, Logic, Parmrk, Pcap, Pcapng, SaleaeBin, SaleaeCsv, SaleaeTable, Sr, Uart9,
-        Vcd,
+        Asc, Bytes, Candump, CandumpText, Chars, Logic, Parmrk, Pcap, Pcapng, SaleaeBin, SaleaeCsv,
+        SaleaeTable, Sr, Trc, Uart9, Vcd,
     };
     for (target, format) in [
+        ("asc", Asc),
         ("bytes", Bytes),
+        ("candump", Candump),
+        ("candump_text", CandumpText),
         ("chars", Chars),
         ("logic", Logic),
         ("parmrk", Parmrk),
@@ -49,6 +52,7 @@ fn nothing_saved_trips_a_target() {
         ("saleae_bin", SaleaeBin),
         ("saleae_csv", SaleaeCsv),
         ("saleae_table", SaleaeTable),
+        ("trc", Trc),
         ("uart9", Uart9),
         ("vcd", Vcd),
     ] {

@@ -1,14 +1,17 @@
 //! One bus: from what a tap hears to records, whatever is spoken on it.
 //!
 //! What must be known first and was not given is found out from the first characters, which are
-//! held back and then decoded; from there on it is one pass. Rate, format and polarity of a line
-//! are found by [`uart::Line`], the protocol by the decoder behind it.
+//! held back and then decoded; from there on it is one pass. What a line carries, its rate, format
+//! and polarity are found by the line in front, the protocol by the decoder behind it.
 
+use crate::can::Load;
 use crate::decoder::Decoder;
-use crate::event::{Event, Moment};
+use crate::event::{Event, Levels, Moment};
+use crate::finding::Finding;
+use crate::line::{Line, Listener};
 use crate::protocol::{Conclusion, Protocol, Settings};
 use crate::record::{BusInfo, Output};
-use crate::uart::{Baud, Format, Line, Wire};
+use crate::uart::{Baud, Format, Wire};
 use alloc::vec::Vec;
 
 /// What a source says about the wire of a bus.
@@ -48,7 +51,7 @@ pub struct LineCounts {
     pub damaged: u64,
     /// Characters whose parity is not known.
     pub unknown_parity: u64,
-    /// Pulses shorter than half a bit, dropped or outvoted.
+    /// Pulses too short for a bit, dropped or outvoted.
     pub glitches: u64,
     /// Breaks.
     pub breaks: u64,
@@ -74,8 +77,7 @@ impl Sampling {
 
 /// A bus that is being decoded.
 pub struct Bus {
-    /// The line, where levels are heard instead of characters.
-    line: Option<Line>,
+    line: Line,
     decoder: Decoder,
     given: Wire,
 }
@@ -84,11 +86,14 @@ impl Bus {
     /// A bus on which nothing was heard yet.
     #[must_use]
     pub fn new(info: BusInfo, facts: WireFacts, settings: Settings) -> Self {
-        let line = facts.sampling.map(|sampling| Line::new(sampling, settings.line));
+        let line = Line::new(facts.sampling, &settings);
         let format = settings.line.format.or(facts.format).unwrap_or(Format::FT12);
         let given = Wire::new(settings.line.baud.or(facts.baud), format);
         let can_find_rate = info.clock.is_some() && !facts.spacing_is_assumed;
-        Bus { line, decoder: Decoder::new(info, settings, can_find_rate), given }
+        let doubt = facts.baud.zip(settings.line.baud).and_then(|(told, set)| told.doubt(set));
+        let mut decoder = Decoder::new(info, settings, can_find_rate);
+        doubt.into_iter().for_each(|finding| decoder.note(finding));
+        Bus { line, decoder, given }
     }
 
     /// Name and clock.
@@ -100,8 +105,7 @@ impl Bus {
     /// What was on the wire so far.
     #[must_use]
     pub fn counts(&self) -> LineCounts {
-        let glitches = self.line.as_ref().map_or(0, Line::glitches);
-        LineCounts { glitches, ..self.decoder.counts() }
+        LineCounts { glitches: self.line.glitches(), ..self.decoder.counts() }
     }
 
     /// The protocol that is spoken, once it is known.
@@ -113,21 +117,25 @@ impl Bus {
     /// Rate and format, as far as they are known.
     #[must_use]
     pub fn wire(&self) -> Wire {
-        let line = self.line.as_ref().and_then(Line::wire);
-        line.or(self.decoder.wire()).unwrap_or(self.given)
+        self.line.wire().or(self.decoder.wire()).unwrap_or(self.given)
+    }
+
+    /// How busy it was, where frames tell.
+    #[must_use]
+    pub fn load(&self) -> Option<Load> {
+        self.decoder.load()
     }
 
     /// Whether the line is upside down.
     #[must_use]
     pub fn is_inverted(&self) -> bool {
-        self.line.as_ref().is_some_and(Line::is_inverted)
+        self.line.is_inverted()
     }
 
     /// Everything that was found out instead of being told.
     #[must_use]
     pub fn conclusions(&self) -> Vec<Conclusion> {
-        let line = self.line.iter().flat_map(Line::conclusions).cloned();
-        line.chain(self.decoder.conclusions()).collect()
+        self.line.conclusions().iter().cloned().chain(self.decoder.conclusions()).collect()
     }
 
     /// When silence would mean something: an [`Event::Advance`] to later than this brings records.
@@ -138,31 +146,52 @@ impl Bus {
 
     /// Takes the next event.
     pub fn hear(&mut self, event: Event<'_>, out: &mut Output<'_>) {
-        let Bus { line, decoder, given } = self;
-        match (line, event) {
-            (Some(line), Event::Levels(levels)) => {
-                line.hear(&levels, &mut |wire, event| decoder.hear(wire, event, out));
-                line.take_doubt().into_iter().for_each(|finding| decoder.note(finding));
+        match event {
+            Event::Levels(levels) => self.hear_levels(Some(&levels), out),
+            Event::Lost(loss) => {
+                self.hear_levels(None, out);
+                self.decoder.hear(self.wire(), Event::Lost(loss), out);
             }
-            (Some(line), Event::Lost(loss)) => {
-                line.end(&mut |wire, event| decoder.hear(wire, event, out));
-                decoder.hear(line.wire().unwrap_or(*given), Event::Lost(loss), out);
-            }
-            (line, event) => {
-                let wire = line.as_ref().and_then(|line| line.wire()).unwrap_or(*given);
-                decoder.hear(wire, event, out);
-            }
+            event => self.decoder.hear(self.wire(), event, out),
+        }
+    }
+
+    /// Another capture of the same bus begins. Its line levels are counted from another tick on.
+    pub fn go_on(&mut self, facts: WireFacts, out: &mut Output<'_>) {
+        if let Some(sampling) = facts.sampling {
+            self.hear_levels(None, out);
+            self.line.go_on(sampling);
         }
     }
 
     /// The capture ended at `end`, if that is known.
     pub fn finish(&mut self, end: Moment, out: &mut Output<'_>) {
-        let Bus { line, decoder, given } = self;
-        if let Some(line) = line {
-            line.end(&mut |wire, event| decoder.hear(wire, event, out));
-            line.take_doubt().into_iter().for_each(|finding| decoder.note(finding));
+        self.hear_levels(None, out);
+        self.decoder.finish(self.wire(), end, out);
+    }
+
+    /// Takes the next levels, or that none follow.
+    fn hear_levels(&mut self, levels: Option<&Levels<'_>>, out: &mut Output<'_>) {
+        let mut behind = Behind { decoder: &mut self.decoder, out };
+        match levels {
+            Some(levels) => self.line.hear(levels, &mut behind),
+            None => self.line.end(&mut behind),
         }
-        let wire = line.as_ref().and_then(Line::wire).unwrap_or(*given);
-        decoder.finish(wire, end, out);
+    }
+}
+
+/// What is behind a line.
+struct Behind<'a, 'b> {
+    decoder: &'a mut Decoder,
+    out: &'a mut Output<'b>,
+}
+
+impl Listener for Behind<'_, '_> {
+    fn hear(&mut self, wire: Wire, event: Event<'_>) {
+        self.decoder.hear(wire, event, self.out);
+    }
+
+    fn note(&mut self, finding: Finding) {
+        self.decoder.note(finding);
     }
 }

@@ -1,7 +1,7 @@
 //! Finds out which protocol is spoken, and lets it be dissected.
 
 use crate::bus::LineCounts;
-use crate::can::{self, Frame, FrameKind};
+use crate::can::{self, Frame, FrameKind, Load};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::protocol::{
@@ -96,6 +96,14 @@ impl Decoder {
         conclusions
     }
 
+    /// How busy the bus was, where frames tell.
+    pub fn load(&self) -> Option<Load> {
+        match &self.stage {
+            Stage::Decoding { dissector, .. } => dissector.load(),
+            Stage::Finding { .. } => None,
+        }
+    }
+
     pub fn deadline(&self) -> Moment {
         match &self.stage {
             Stage::Finding { since, .. } => since.plus(HELD_NS),
@@ -141,27 +149,27 @@ impl Decoder {
         }
     }
 
-    fn hold(&mut self, wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
+    fn hold(&mut self, mut wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
+        if let (Event::Frames(_), Some(rate)) = (event, self.settings.can.bitrate) {
+            wire = Wire::new(Some(rate), wire.format());
+        }
         let Stage::Finding { held, since } = &mut self.stage else { return };
-        let room = HELD.saturating_sub(held.len());
         let mut rest = None;
         let now = match event {
             Event::Characters(characters) => {
-                let (fitting, beyond) = characters.split_at(room.min(characters.len()));
+                begin(since, characters.first().map(|first| first.start));
+                let starts = characters.iter().map(|character| character.start);
+                let (fitting, beyond) = characters.split_at(in_time(starts, held.len(), *since));
                 held.extend(fitting.iter().copied().map(Held::Character));
                 rest = Some(Event::Characters(beyond));
-                if !since.is_known() {
-                    *since = characters.first().map_or(Moment::UNKNOWN, |first| first.start);
-                }
                 characters.last().map_or(Moment::UNKNOWN, |last| last.start)
             }
             Event::Frames(frames) => {
-                let (fitting, beyond) = frames.split_at(room.min(frames.len()));
+                begin(since, frames.first().map(|first| first.start));
+                let starts = frames.iter().map(|frame| frame.start);
+                let (fitting, beyond) = frames.split_at(in_time(starts, held.len(), *since));
                 held.extend(fitting.iter().copied().map(Held::Frame));
                 rest = Some(Event::Frames(beyond));
-                if !since.is_known() {
-                    *since = frames.first().map_or(Moment::UNKNOWN, |first| first.start);
-                }
                 frames.last().map_or(Moment::UNKNOWN, |last| last.start)
             }
             Event::Break(event) => {
@@ -215,6 +223,9 @@ impl Decoder {
     }
 
     fn find_rate(&mut self, mut wire: Wire, characters: &[Character], frames: &[Frame]) -> Wire {
+        if !frames.is_empty() {
+            wire = Wire::new(self.settings.can.bitrate.or(wire.baud()), wire.format());
+        }
         if self.must_find_rate(wire) {
             let found = if frames.is_empty() {
                 uart::baud_from_spacing(characters, wire.format())
@@ -227,7 +238,8 @@ impl Decoder {
                 None => String::from("nothing came without a pause"),
             };
             let value = wire.baud().map(|baud| baud.to_string());
-            self.conclusions.push(Conclusion { subject: "baud", station: None, value, evidence });
+            let subject = if frames.is_empty() { "baud" } else { "bitrate" };
+            self.conclusions.push(Conclusion { subject, station: None, value, evidence });
         }
         wire
     }
@@ -267,6 +279,19 @@ impl Decoder {
             Medium::Can => (&can::PROTOCOL, note),
         }
     }
+}
+
+fn begin(since: &mut Moment, first: Option<Moment>) {
+    if !since.is_known() {
+        *since = first.unwrap_or(Moment::UNKNOWN);
+    }
+}
+
+/// How many of what starts then are held: what comes later tells nothing, be it in the same batch
+/// or not.
+fn in_time(starts: impl Iterator<Item = Moment>, held: usize, since: Moment) -> usize {
+    let limit = since.plus(HELD_NS);
+    starts.take(HELD.saturating_sub(held)).take_while(|start| !start.is_after(limit)).count()
 }
 
 impl Held {

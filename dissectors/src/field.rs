@@ -61,6 +61,11 @@ pub enum Role {
     Destination,
 }
 
+impl Role {
+    /// How many there are.
+    pub(crate) const COUNT: usize = Role::Destination as usize + 1;
+}
+
 /// The kind of a field's value.
 #[derive(Clone, Copy, Debug)]
 pub enum Kind {

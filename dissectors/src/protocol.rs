@@ -15,6 +15,22 @@ use alloc::{boxed::Box, string::String, vec::Vec};
 pub static PROTOCOLS: [&Protocol; 4] =
     [&slin::PROTOCOL, &devicenet::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
 
+/// The first field with each role, by protocol: statistics ask for them with every record.
+static ROLES: [[Option<FieldId>; Role::COUNT]; PROTOCOLS.len()] = {
+    let mut roles = [[None; Role::COUNT]; PROTOCOLS.len()];
+    let mut index = 0;
+    while index < PROTOCOLS.len() {
+        let fields = PROTOCOLS[index].fields;
+        let mut field = fields.len();
+        while field > 0 {
+            field -= 1;
+            roles[index][fields[field].role as usize] = Some(field);
+        }
+        index += 1;
+    }
+    roles
+};
+
 /// One protocol: its tables, and how to make a dissector for it.
 pub struct Protocol {
     /// Its name on the command line and in records.
@@ -45,7 +61,10 @@ impl Protocol {
     /// The first field with this role.
     #[must_use]
     pub fn field_of(&self, role: Role) -> Option<FieldId> {
-        self.fields.iter().position(|field| field.role == role)
+        match PROTOCOLS.iter().position(|protocol| *protocol == self) {
+            Some(index) => ROLES[index][role as usize],
+            None => self.fields.iter().position(|field| field.role == role),
+        }
     }
 }
 
@@ -73,6 +92,8 @@ pub struct Settings {
     pub protocol: Option<&'static Protocol>,
     /// Rate, format and polarity of serial lines.
     pub line: uart::LineSettings,
+    /// The bit rate of CAN lines.
+    pub can: can::Settings,
     /// What is known of SLIN encoders.
     pub slin: slin::Settings,
     /// The limits that DeviceNet traffic is judged by.

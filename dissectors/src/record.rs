@@ -5,7 +5,7 @@ use crate::event::{Break, Clock, Loss, LossCause, Moment};
 use crate::field::{Field, FieldId, Kind, Role, Value};
 use crate::finding::{Code, Finding};
 use crate::protocol::Protocol;
-use crate::uart::{self, Character, Wire};
+use crate::uart::{self, Character, ParityMarks, Wire};
 use alloc::string::String;
 use core::fmt;
 
@@ -65,6 +65,8 @@ pub struct Record<'a> {
     pub heard: Heard<'a>,
     /// What was wrong. A code stands once.
     pub findings: &'a [Finding],
+    /// States that were told when they began and that hold here once more: to be counted.
+    pub ongoing: &'a [&'static Code],
     /// What could not be judged because of the clock.
     pub withheld: &'a [&'static Code],
     /// What the protocol knows of it.
@@ -119,6 +121,7 @@ impl<'a> Record<'a> {
             turn: Turn::Neither,
             heard: Heard::Nothing,
             findings: &[],
+            ongoing: &[],
             withheld: &[],
             layer,
         }
@@ -225,6 +228,13 @@ impl<'a> Record<'a> {
         self.layer.get(field)
     }
 
+    /// The field of this name, for sentences.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Value<'_> {
+        let field = self.protocol.fields.iter().position(|field| field.name == name);
+        field.map_or(Value::Absent, |field| self.layer.get(field))
+    }
+
     /// The first field of the protocol that has this role.
     #[must_use]
     pub fn by_role(&self, role: Role) -> Value<'_> {
@@ -247,6 +257,23 @@ pub struct BusInfo {
     pub name: String,
     /// Who stamps its times; `None` where there are none.
     pub clock: Option<Clock>,
+    /// What its tap tells about parity.
+    pub parity: ParityMarks,
+}
+
+impl BusInfo {
+    /// A bus whose tap tells the parity of every character.
+    #[must_use]
+    pub fn new(name: impl Into<String>, clock: Option<Clock>) -> Self {
+        BusInfo { name: name.into(), clock, parity: ParityMarks::Character }
+    }
+
+    /// The same with a tap that tells this about parity.
+    #[must_use]
+    pub fn with_parity(mut self, parity: ParityMarks) -> Self {
+        self.parity = parity;
+        self
+    }
 }
 
 /// Takes records, in output order.

@@ -70,14 +70,22 @@ impl Resolution {
     /// Whole turns, clockwise; `None` for a single-turn encoder.
     #[must_use]
     pub fn turns(self, position: u32) -> Option<u32> {
-        (self.multiturn_bits > 0).then(|| self.clockwise(position) >> self.singleturn_bits)
+        (self.multiturn_bits > 0 && self.has(position))
+            .then(|| self.clockwise(position) >> self.singleturn_bits)
     }
 
-    /// Angle within the turn in degrees, clockwise, 0 up to but not including 360.
+    /// Angle within the turn in degrees, clockwise, 0 up to but not including 360; `None` for a
+    /// position beyond the resolution.
     #[must_use]
-    pub fn angle(self, position: u32) -> f64 {
+    pub fn angle(self, position: u32) -> Option<f64> {
         let step = self.clockwise(position) & (self.steps_per_turn() - 1);
-        f64::from(step) * 360.0 / f64::from(self.steps_per_turn())
+        self.has(position).then(|| f64::from(step) * 360.0 / f64::from(self.steps_per_turn()))
+    }
+
+    /// Whether this resolution has such a position.
+    #[must_use]
+    pub const fn has(self, position: u32) -> bool {
+        position < self.positions()
     }
 }
 
@@ -90,11 +98,13 @@ mod tests {
         // GXM7W: 13 bits single-turn, 12 bits multi-turn. 3 turns and a quarter:
         // 3 * 8192 + 2048 = 26624.
         let resolution = Resolution::new(13, 12, Direction::Clockwise).unwrap();
-        assert_eq!((resolution.turns(26_624), resolution.angle(26_624)), (Some(3), 90.0));
+        assert_eq!((resolution.turns(26_624), resolution.angle(26_624)), (Some(3), Some(90.0)));
         // Seen from the other side the same shaft stands at 4096 - 3.25 = 4092.75 turns.
         let mirrored = Resolution::new(13, 12, Direction::CounterClockwise).unwrap();
-        assert_eq!((mirrored.turns(26_624), mirrored.angle(26_624)), (Some(4092), 270.0));
-        assert_eq!((mirrored.turns(0), mirrored.angle(0)), (Some(0), 0.0));
+        assert_eq!((mirrored.turns(26_624), mirrored.angle(26_624)), (Some(4092), Some(270.0)));
+        assert_eq!((mirrored.turns(0), mirrored.angle(0)), (Some(0), Some(0.0)));
+        // 2^25 has a bit more.
+        assert_eq!((resolution.turns(1 << 25), resolution.angle(1 << 25)), (None, None));
     }
 
     #[test]

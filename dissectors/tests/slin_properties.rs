@@ -58,12 +58,23 @@ struct Line {
 #[derive(Clone, Copy, Debug)]
 struct Exchange {
     address: u8,
-    position: u32,
+    /// Nothing if nobody is there.
+    position: Option<u32>,
     /// From the request's end to the answer, in ns.
     response_time: i64,
-    /// From the answer's end to the next request, in characters and ns.
-    pause: (i64, i64),
+    /// From the answer's end to the next request.
+    pause: Pause,
 }
+
+/// How long a master waits before it asks again.
+#[derive(Clone, Copy, Debug)]
+struct Pause {
+    bits: i64,
+    ns: i64,
+}
+
+/// How long a master waits for an answer that does not come, in ns.
+const WAIT: i64 = 1_500_000;
 
 impl Line {
     fn character_ns(self) -> i64 {
@@ -83,14 +94,14 @@ impl Line {
         sum as u8 & 0x70
     }
 
-    fn answer(self, exchange: Exchange) -> Vec<u8> {
-        let mut words = vec![(exchange.position & 0x7F) as u8];
-        let mut left = exchange.position >> 7;
+    fn answer(self, address: u8, position: u32) -> Vec<u8> {
+        let mut words = vec![(position & 0x7F) as u8];
+        let mut left = position >> 7;
         while left > 0 || self.is_fixed && words.len() < 4 {
             words.push((left & 0x7F) as u8);
             left >>= 7;
         }
-        let footer = 0x80 | self.checksum(&words) | u8::from(self.bit3) << 3 | exchange.address;
+        let footer = 0x80 | self.checksum(&words) | u8::from(self.bit3) << 3 | address;
         words.push(footer);
         words
     }
@@ -105,12 +116,17 @@ impl Line {
         let mut heard = Vec::new();
         for exchange in exchanges {
             let mut characters = vec![character(now, 0x80 | exchange.address)];
-            now += one + exchange.response_time;
-            for byte in self.answer(*exchange) {
-                characters.push(character(now, byte));
-                now += one;
+            now += one;
+            if let Some(position) = exchange.position {
+                now += exchange.response_time;
+                for byte in self.answer(exchange.address, position) {
+                    characters.push(character(now, byte));
+                    now += one;
+                }
+            } else {
+                now += WAIT;
             }
-            now += exchange.pause.0 * one + exchange.pause.1;
+            now += exchange.pause.bits * one / 11 + exchange.pause.ns;
             heard.push(characters);
         }
         heard
@@ -149,7 +165,7 @@ impl Line {
 
 /// Decodes characters that come in these pieces, with an advance behind each of them.
 fn decode(settings: Settings, pieces: &[&[Character]], advance: bool) -> Vec<Told> {
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Hardware) };
+    let info = BusInfo::new("bus", Some(Clock::Hardware));
     let mut bus = Bus::new(info, WireFacts::default(), settings);
     let (mut recorder, mut number) = (Recorder::default(), 0);
     for (index, piece) in pieces.iter().enumerate() {
@@ -169,7 +185,7 @@ const TICK_NS: f64 = 100.0;
 
 /// Decodes line levels that come in pieces, divided at these ticks.
 fn decode_levels(settings: Settings, edges: &[u64], cuts: &[u64]) -> Vec<Told> {
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Sample) };
+    let info = BusInfo::new("bus", Some(Clock::Sample));
     let sampling =
         Sampling { ticks_per_second: 10_000_000, uncertainty: 100, origin: Moment::from_ns(0) };
     let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
@@ -207,20 +223,35 @@ fn lines() -> impl Strategy<Value = Line> {
     })
 }
 
-fn exchanges() -> impl Strategy<Value = Vec<Exchange>> {
+/// Exchanges of stations that stay where they are, so that they cannot jump; at some addresses is
+/// nobody. Masters pause as they like.
+fn exchanges(pauses: impl Strategy<Value = Pause>) -> impl Strategy<Value = Vec<Exchange>> {
     let positions = prop_oneof![0..128_u32, 0..16_384_u32, 0..33_554_432_u32, 294_900..294_920_u32];
-    // Positions that stay where they are cannot jump.
-    let stations = vec(positions, 8);
-    let one = (0..8_u8, 150_000..350_000_i64, 1..4_i64, 100_000..3_000_000_i64);
+    let stations = vec(prop::option::weighted(0.75, positions), 8);
+    let one = (0..8_u8, 150_000..350_000_i64, pauses);
     (stations, vec(one, 1..40)).prop_map(|(positions, all)| {
-        let exchange = |(address, response_time, characters, ns)| Exchange {
+        let exchange = |(address, response_time, pause)| Exchange {
             address,
             position: positions[usize::from(address)],
             response_time,
-            pause: (characters, ns),
+            pause,
         };
         all.into_iter().map(exchange).collect()
     })
+}
+
+/// From well above the two bits by which words may be apart to a few milliseconds.
+fn busy() -> impl Strategy<Value = Pause> {
+    prop_oneof![
+        (3..6_i64).prop_map(|bits| Pause { bits, ns: 0 }),
+        (11..44_i64, 100_000..3_000_000_i64).prop_map(|(bits, ns)| Pause { bits, ns }),
+    ]
+}
+
+/// The same, and now and then for seconds.
+fn sparse() -> impl Strategy<Value = Pause> {
+    let long = (0..5_000_000_000_i64).prop_map(|ns| Pause { bits: 3, ns });
+    prop_oneof![3 => busy(), 1 => long]
 }
 
 proptest! {
@@ -228,20 +259,26 @@ proptest! {
 
     /// What an encoder sends is what is told, with nothing found.
     #[test]
-    fn what_is_sent_is_told(line in lines(), exchanges in exchanges()) {
+    fn what_is_sent_is_told(line in lines(), exchanges in exchanges(sparse())) {
         let heard = line.characters(&exchanges);
         let pieces: Vec<&[Character]> = heard.iter().map(Vec::as_slice).collect();
         let told = decode(line.settings(), &pieces, false);
-        prop_assert_eq!(told.len(), 2 * exchanges.len());
-        for (pair, exchange) in told.chunks(2).zip(&exchanges) {
-            prop_assert_eq!(pair[0].kind, "request");
-            prop_assert_eq!(pair[1].kind, "response");
-            prop_assert_eq!(pair[1].station, Some(u16::from(exchange.address)));
-            prop_assert_eq!(pair[1].position, Some(i64::from(exchange.position)));
-            let time = pair[1].response_time.unwrap_or_default();
+        let mut told = told.iter();
+        for exchange in &exchanges {
+            let request = told.next().expect("each request is told");
+            prop_assert_eq!((request.kind, request.station), ("request", Some(u16::from(exchange.address))));
+            let Some(position) = exchange.position else {
+                prop_assert!(request.codes.iter().all(|code| *code == "slin.never-answered"), "{request:?}");
+                continue;
+            };
+            let answer = told.next().expect("each answer is told");
+            prop_assert_eq!((answer.kind, answer.station), ("response", Some(u16::from(exchange.address))));
+            prop_assert_eq!(answer.position, Some(i64::from(position)));
+            let time = answer.response_time.unwrap_or_default();
             prop_assert!((time - exchange.response_time).abs() < 20, "{time}");
-            prop_assert!(pair.iter().all(|told| told.codes.is_empty()), "{pair:?}");
+            prop_assert!(request.codes.is_empty() && answer.codes.is_empty(), "{request:?} {answer:?}");
         }
+        prop_assert_eq!(told.next(), None);
     }
 
     /// However the characters come, and however often time is said to pass, the records are the
@@ -249,9 +286,9 @@ proptest! {
     #[test]
     fn the_division_of_the_input_does_not_matter(
         line in lines(),
-        exchanges in exchanges(),
-        cuts in vec(any::<prop::sample::Index>(), 0..20),
+        exchanges in exchanges(sparse()),
         is_auto in any::<bool>(),
+        cuts in vec(any::<prop::sample::Index>(), 0..20),
     ) {
         let heard: Vec<Character> = line.characters(&exchanges).concat();
         let mut settings = line.settings();
@@ -273,7 +310,7 @@ proptest! {
     #[test]
     fn the_division_of_the_line_does_not_matter(
         line in lines(),
-        exchanges in exchanges(),
+        exchanges in exchanges(busy()),
         cuts in vec(any::<prop::sample::Index>(), 0..200),
         is_found in any::<bool>(),
     ) {
@@ -284,7 +321,8 @@ proptest! {
         }
         let whole = decode_levels(settings.clone(), &edges, &[0, end]);
         let responses = whole.iter().filter(|told| told.kind == "response").count();
-        prop_assert!(is_found || responses == exchanges.len(), "{responses}");
+        let answers = exchanges.iter().filter(|exchange| exchange.position.is_some()).count();
+        prop_assert!(is_found || responses == answers, "{responses}");
         let mut cuts: Vec<u64> = cuts.iter().map(|cut| cut.index(end as usize) as u64).collect();
         cuts.extend([0, end]);
         cuts.sort_unstable();
@@ -297,14 +335,13 @@ proptest! {
     #[test]
     fn damage_stays_in_its_exchange(
         line in lines(),
-        exchanges in exchanges(),
+        exchanges in exchanges(sparse()),
         hit in any::<prop::sample::Index>(),
         which in any::<prop::sample::Index>(),
         bit in 0..9_u32,
     ) {
-        let mut heard = line.characters(&exchanges);
-        let whole: Vec<&[Character]> = heard.iter().map(Vec::as_slice).collect();
-        let before = decode(line.settings(), &whole, false);
+        let healthy = line.characters(&exchanges);
+        let mut heard = healthy.clone();
         let hit = hit.index(heard.len());
         let which = which.index(heard[hit].len());
         let character = &mut heard[hit][which];
@@ -312,17 +349,58 @@ proptest! {
         *character = Character::new(
             character.start, character.uncertainty, u16::from(byte), Parity::Error,
         );
-        let from = heard[hit][0].start.ns();
-        let to = heard.get(hit + 1).and_then(|next| next[0].start.ns());
-        let pieces: Vec<&[Character]> = heard.iter().map(Vec::as_slice).collect();
-        let after = decode(line.settings(), &pieces, false);
-        let is_elsewhere = |told: &&Told| told.start < from || to.is_some_and(|to| told.start >= Some(to));
-        let unharmed: Vec<&Told> = before.iter().filter(is_elsewhere).collect();
-        let still: Vec<&Told> = after.iter().filter(is_elsewhere).collect();
-        prop_assert_eq!(still, unharmed);
-        let found: Vec<&str> = after.iter().flat_map(|told| told.codes.clone()).collect();
+        let found = codes_found(line, &healthy, &heard, hit)?;
         // What the edges of the capture cut is not judged.
         let is_cut = hit == 0 || hit + 1 == heard.len();
         prop_assert!(is_cut || found.contains(&"slin.parity") || found.contains(&"slin.glitch"), "{found:?}");
     }
+
+    /// So does a footer that names another station, whether anybody is there or not.
+    #[test]
+    fn a_wrong_footer_stays_in_its_exchange(
+        line in lines(),
+        exchanges in exchanges(sparse()),
+        hit in any::<prop::sample::Index>(),
+        other in 1..8_u16,
+    ) {
+        let healthy = line.characters(&exchanges);
+        let mut heard = healthy.clone();
+        let answered: Vec<usize> =
+            (0..exchanges.len()).filter(|at| exchanges[*at].position.is_some()).collect();
+        if answered.is_empty() {
+            return Ok(());
+        }
+        let hit = *hit.get(&answered);
+        let footer = heard[hit].last_mut().expect("an answer ends with it");
+        *footer = Character::new(
+            footer.start, footer.uncertainty, footer.value() ^ other, Parity::Ok,
+        );
+        let found = codes_found(line, &healthy, &heard, hit)?;
+        prop_assert_eq!(found, ["slin.address-mismatch"]);
+    }
+}
+
+/// The codes found where one exchange was hit. Nothing else may be told in another way; but that
+/// nobody answers at an address is told once, and can be told later.
+fn codes_found(
+    line: Line,
+    healthy: &[Vec<Character>],
+    heard: &[Vec<Character>],
+    hit: usize,
+) -> Result<Vec<&'static str>, TestCaseError> {
+    let told = |exchanges: &[Vec<Character>]| {
+        let pieces: Vec<&[Character]> = exchanges.iter().map(Vec::as_slice).collect();
+        let mut told = decode(line.settings(), &pieces, false);
+        for told in &mut told {
+            told.codes.retain(|code| *code != "slin.never-answered");
+        }
+        told
+    };
+    let from = heard[hit][0].start.ns();
+    let to = heard.get(hit + 1).and_then(|next| next[0].start.ns());
+    let is_here = |told: &Told| told.start >= from && to.is_none_or(|to| told.start < Some(to));
+    let (here, still): (Vec<Told>, Vec<Told>) = told(heard).into_iter().partition(is_here);
+    let unharmed: Vec<Told> = told(healthy).into_iter().filter(|told| !is_here(told)).collect();
+    prop_assert_eq!(still, unharmed);
+    Ok(here.into_iter().flat_map(|told| told.codes).collect())
 }

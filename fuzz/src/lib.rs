@@ -93,7 +93,7 @@ fn settings(choice: u8) -> Settings {
 /// later.
 pub fn characters(bytes: &[u8]) {
     let [choice, events @ ..] = bytes else { return };
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Log) };
+    let info = BusInfo::new("bus", Some(Clock::Log));
     let mut bus = Bus::new(info, WireFacts::default(), settings(*choice));
     let (mut listener, mut number, mut now) = (Listener::default(), 0, 0_i64);
     for event in events.chunks_exact(4) {
@@ -134,7 +134,7 @@ pub fn levels(bytes: &[u8]) {
         origin: Moment::from_ns(0),
     };
     let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
-    let info = BusInfo { name: "bus".to_owned(), clock: Some(Clock::Sample) };
+    let info = BusInfo::new("bus", Some(Clock::Sample));
     let mut bus = Bus::new(info, facts, settings(*choice));
     let (mut listener, mut number, mut from, mut level) = (Listener::default(), 0, 0, true);
     for block in pulses.chunks(64) {

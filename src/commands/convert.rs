@@ -2,14 +2,14 @@
 
 use crate::cli::Decoding;
 use crate::decode::{FAILED, USAGE, decode, settings};
-use crate::export::{Chars, Columns, Csv, Export, Json, PcapNg};
-use anyhow::Context;
+use crate::export::{Candump, Chars, Columns, Csv, Export, Json, PcapNg};
+use crate::output::Output;
+use crate::say;
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use tempfile::NamedTempFile;
 
 /// From where, to where.
 #[derive(Args, Debug)]
@@ -37,6 +37,8 @@ enum Form {
     Pcapng,
     /// Characters as text.
     Chars,
+    /// CAN frames, as candump and all of can-utils read them.
+    Candump,
     /// Decoded records, comma-separated.
     Csv,
     /// Decoded records, one JSON object a line.
@@ -48,6 +50,7 @@ impl Form {
         match path.extension().and_then(OsStr::to_str)?.to_ascii_lowercase().as_str() {
             "pcapng" => Some(Form::Pcapng),
             "chars" => Some(Form::Chars),
+            "log" | "candump" => Some(Form::Candump),
             "csv" => Some(Form::Csv),
             "json" | "jsonl" => Some(Form::Json),
             _ => None,
@@ -58,6 +61,7 @@ impl Form {
         Ok(match self {
             Form::Pcapng => Box::new(PcapNg::new(out)?),
             Form::Chars => Box::new(Chars::new(out)),
+            Form::Candump => Box::new(Candump::new(out)),
             Form::Csv => Box::new(Csv::new(out, Columns::default())),
             Form::Json => Box::new(Json::new(out)),
         })
@@ -67,9 +71,9 @@ impl Form {
 /// Writes it.
 pub fn run(arguments: &Arguments) -> ExitCode {
     let Some(form) = arguments.output_format.or_else(|| Form::of(&arguments.output)) else {
-        eprintln!(
-            "fieldtap: {}: the ending names no form that can be written (.pcapng, .chars, .csv, \
-             .json): say it with --output-format",
+        say!(
+            "fieldtap: {}: the ending names no form that can be written (.pcapng, .chars, .log, \
+             .csv, .json): say it with --output-format",
             arguments.output.display()
         );
         return ExitCode::from(USAGE);
@@ -77,7 +81,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match convert(arguments, form) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             ExitCode::from(FAILED)
         }
     }
@@ -87,7 +91,7 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
     let settings = match settings(&arguments.decoding) {
         Ok(settings) => settings,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             return Ok(ExitCode::from(USAGE));
         }
     };
@@ -99,15 +103,17 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
         outcome.report();
         return Ok(outcome.exit_code());
     }
-    // Nobody ever sees half a file under its name.
-    let failed = || format!("{}: cannot be written", output.display());
-    let directory = output.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let file = NamedTempFile::new_in(directory.unwrap_or(Path::new("."))).with_context(failed)?;
-    let mut export = form.export(BufWriter::new(file.as_file())).with_context(failed)?;
+    let file = Output::create(output)?;
+    let mut export = form.export(BufWriter::new(file.file()))?;
     let outcome = decode(&arguments.decoding, sources, settings, &mut *export);
     drop(export);
-    if outcome.has_written() {
-        file.persist(output).with_context(failed)?;
+    if outcome.is_whole() {
+        file.replace()?;
+    } else if outcome.has_written()
+        && outcome.pipeline.records() > 0
+        && !file.keep_unless_there()?
+    {
+        say!("fieldtap: {}: left as it was, for this is not all of the source", output.display());
     }
     outcome.report();
     Ok(outcome.exit_code())

@@ -1,6 +1,7 @@
 //! `explain`: what a finding means, and what to do at the machine.
 
 use crate::decode::USAGE;
+use crate::say;
 use clap::Args;
 use dissectors::finding::Code;
 use dissectors::protocol::codes;
@@ -27,7 +28,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match codes().find(|code| code.name == name) {
         Some(code) => super::print(&explanation(code)),
         None => {
-            eprintln!("fieldtap: there is no finding {name}: `fieldtap explain` lists them");
+            say!("fieldtap: there is no finding {name}: `fieldtap explain` lists them");
             ExitCode::from(USAGE)
         }
     }

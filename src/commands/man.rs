@@ -2,6 +2,7 @@
 
 use crate::cli::Cli;
 use crate::decode::FAILED;
+use crate::say;
 use clap::{Args, CommandFactory};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,7 +31,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fieldtap: the manual page cannot be written: {error}");
+            say!("fieldtap: the manual page cannot be written: {error}");
             ExitCode::from(FAILED)
         }
     }

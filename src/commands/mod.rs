@@ -11,6 +11,7 @@ pub mod stats;
 
 use crate::cli::{Cli, Command};
 use crate::decode::FAILED;
+use crate::say;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -38,7 +39,7 @@ fn print_bytes(bytes: &[u8]) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fieldtap: the output cannot be written: {error}");
+            say!("fieldtap: the output cannot be written: {error}");
             ExitCode::from(FAILED)
         }
     }

@@ -4,6 +4,7 @@ use crate::cli::Decoding;
 use crate::clock::Clock;
 use crate::decode::{USAGE, decode, settings};
 use crate::export::{Changes, Columns, Csv, Export, Json, Text};
+use crate::say;
 use clap::{Args, ValueEnum};
 use std::io::{self, BufWriter};
 use std::process::ExitCode;
@@ -26,8 +27,14 @@ pub struct Arguments {
     #[arg(long, help_heading = "Selection")]
     changes: bool,
 
-    /// CSV: this field as a column instead of the usual ones (repeatable).
-    #[arg(short = 'e', long = "field", value_name = "FIELD", help_heading = "Output")]
+    /// CSV: this field as a column instead of the usual ones (repeatable, or divided by commas).
+    #[arg(
+        short = 'e',
+        long = "field",
+        value_name = "FIELD",
+        value_delimiter = ',',
+        help_heading = "Output"
+    )]
     columns: Vec<String>,
 }
 
@@ -45,6 +52,10 @@ enum Form {
 /// Prints the trace.
 pub fn run(arguments: &Arguments) -> ExitCode {
     let decoding = &arguments.decoding;
+    if !arguments.columns.is_empty() && arguments.format != Form::Csv {
+        say!("fieldtap: -e chooses columns of CSV: add --format csv");
+        return ExitCode::from(USAGE);
+    }
     let out = BufWriter::with_capacity(64 * 1024, io::stdout().lock());
     let mut export: Box<dyn Export> = match arguments.format {
         Form::Text => {
@@ -55,7 +66,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         Form::Csv => match Columns::named(&arguments.columns) {
             Ok(columns) => Box::new(Csv::new(out, columns)),
             Err(name) => {
-                eprintln!("fieldtap: there is no field {name}: `fieldtap fields` lists them");
+                say!("fieldtap: there is no field {name}: `fieldtap fields` lists them");
                 return ExitCode::from(USAGE);
             }
         },
@@ -67,7 +78,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     let settings = match settings(decoding) {
         Ok(settings) => settings,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             return ExitCode::from(USAGE);
         }
     };

@@ -1,5 +1,6 @@
 //! `simulate`: write a bus with chosen faults as a capture.
 
+use crate::say;
 use crate::simulate::{
     self, Chars, Checksum, Fault, Length, MAX_BITS, MS, Motion, Order, Pcapng, Plan, Profile, Ps,
     Sampler, Sr, Station, Summary, Tap, Uart, Vcd, address, seconds,
@@ -170,7 +171,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     let plan = match slin.plan() {
         Ok(plan) => plan,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             return ExitCode::from(2);
         }
     };
@@ -183,7 +184,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         }
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             ExitCode::from(3)
         }
     }
@@ -342,7 +343,7 @@ fn tell(summary: &Summary) {
     let faults: Vec<String> =
         summary.faults.iter().map(|(name, times)| format!("{times} x {name}")).collect();
     let faults = if faults.is_empty() { "no fault".to_owned() } else { faults.join(", ") };
-    eprintln!("{} exchanges in {duration:.3} s: {faults}", summary.exchanges);
+    say!("{} exchanges in {duration:.3} s: {faults}", summary.exchanges);
 }
 
 fn list_faults() -> ExitCode {

@@ -3,7 +3,9 @@
 use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
+use crate::say;
 use crate::tally::{FindingTally, Period, StationTally};
+use crate::terminal::clean;
 use crate::verdict::Learned;
 use clap::{Args, ValueEnum};
 use dissectors::bus::Bus;
@@ -44,7 +46,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     let settings = match settings(decoding) {
         Ok(settings) => settings,
         Err(error) => {
-            eprintln!("fieldtap: {error:#}");
+            say!("fieldtap: {error:#}");
             return ExitCode::from(USAGE);
         }
     };
@@ -57,7 +59,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fieldtap: the output cannot be written: {error}");
+            say!("fieldtap: the output cannot be written: {error}");
             ExitCode::from(FAILED)
         }
         Ok(()) => {
@@ -118,7 +120,10 @@ fn text(outcome: &Outcome) -> String {
         let _ = write!(
             text,
             "{:<8} {:>4} {:>8} {:>8} {rate:>9} ",
-            station.bus, station.station, station.asked, station.answered
+            clean(&station.bus),
+            station.station,
+            station.asked,
+            station.answered
         );
         for (_, ns) in percentiles(station).unwrap_or_default() {
             let time = Span(ns.cast_signed()).to_string();
@@ -139,6 +144,7 @@ fn text(outcome: &Outcome) -> String {
         text.push_str("none\n");
     }
     text.push('\n');
+    text.push_str(&busyness(outcome.pipeline.buses()));
     for (name, count) in &tally.withheld {
         let _ = writeln!(text, "withheld {name}: {count} x");
     }
@@ -148,11 +154,41 @@ fn text(outcome: &Outcome) -> String {
     }
     for bus in outcome.pipeline.buses() {
         for learned in Learned::of(bus) {
-            let _ = writeln!(text, "auto {}: {learned}", bus.info().name);
+            let _ = writeln!(text, "auto {}: {learned}", clean(&bus.info().name));
         }
     }
     for (heading, line) in outcome.verdict().lines() {
         let _ = writeln!(text, "{heading:<6} {line}");
+    }
+    text
+}
+
+/// How busy the CAN buses were; nothing where there are none. A String takes any text.
+fn busyness(buses: &[Bus]) -> String {
+    let mut text = String::new();
+    for bus in buses.iter().filter(|bus| bus.counts().frames > 0) {
+        if text.is_empty() {
+            text.push_str("bus        frames   errors   losses      load      peak  bit/s\n");
+        }
+        let (counts, load) = (bus.counts(), bus.load());
+        let percent = |permille: Option<u16>| match permille {
+            Some(permille) => format!("{}.{} %", permille / 10, permille % 10),
+            None => "-".to_owned(),
+        };
+        let rate = bus.wire().baud().map_or("not known".to_owned(), |rate| rate.to_string());
+        let _ = writeln!(
+            text,
+            "{:<8} {:>8} {:>8} {:>8} {:>9} {:>9}  {rate}",
+            bus.info().name,
+            counts.frames,
+            counts.error_frames,
+            counts.losses,
+            percent(load.and_then(|load| load.mean())),
+            percent(load.and_then(|load| load.peak())),
+        );
+    }
+    if !text.is_empty() {
+        text.push('\n');
     }
     text
 }
@@ -184,7 +220,7 @@ fn as_json(outcome: &Outcome) -> Value {
 
 fn bus_json(bus: &Bus) -> Value {
     let (counts, wire) = (bus.counts(), bus.wire());
-    json!({
+    let mut object = json!({
         "bus": bus.info().name,
         "clock": bus.info().clock.map(|clock| clock.name()),
         "protocol": bus.protocol().map(|protocol| protocol.name),
@@ -203,7 +239,17 @@ fn bus_json(bus: &Bus) -> Value {
             "value": conclusion.value,
             "evidence": conclusion.evidence,
         })).collect::<Vec<_>>(),
-    })
+    });
+    if counts.frames > 0 {
+        let load = bus.load();
+        let share = |permille: Option<u16>| permille.map(|load| f64::from(load) / 1_000.0);
+        object["bitrate"] = wire.baud().map(|rate| rate.get()).into();
+        object["frames"] = counts.frames.into();
+        object["error_frames"] = counts.error_frames.into();
+        object["load"] = share(load.and_then(|load| load.mean())).into();
+        object["peak_load"] = share(load.and_then(|load| load.peak())).into();
+    }
+    object
 }
 
 fn station_json(station: &StationTally) -> Value {

@@ -6,7 +6,7 @@ use dissectors::field::{Role, Value};
 use dissectors::record::{BusInfo, Record, Sink};
 use std::io;
 
-/// Passes on records with findings and records that tell a new position.
+/// Wants records with findings and records that tell a new position.
 pub struct Changes<'a> {
     export: Box<dyn Export + 'a>,
     /// The last position of each station.
@@ -39,13 +39,19 @@ impl<'a> Changes<'a> {
 
 impl Sink for Changes<'_> {
     fn record(&mut self, record: &Record<'_>) {
-        if self.has_moved(record) || !record.findings.is_empty() {
-            self.export.record(record);
-        }
+        self.export.record(record);
     }
 }
 
 impl Export for Changes<'_> {
+    fn begin(&mut self, time: Moment) {
+        self.export.begin(time);
+    }
+
+    fn wants(&mut self, record: &Record<'_>) -> bool {
+        self.has_moved(record) || !record.findings.is_empty()
+    }
+
     fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str) {
         self.export.comment(bus, time, text);
     }

@@ -3,6 +3,7 @@
 use super::Export;
 use crate::clock::Exact;
 use dissectors::event::Moment;
+use dissectors::protocol::Medium;
 use dissectors::record::{Heard, Record, Sink};
 use dissectors::uart::{Character, Parity};
 use std::io::{self, Write};
@@ -26,6 +27,14 @@ impl<W: Write> Chars<W> {
     }
 
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
+        if record.protocol.medium != Medium::Serial {
+            let what = format!(
+                "{} is a CAN bus, and chars holds characters of a serial line: write pcapng, \
+                 candump, CSV or JSON",
+                record.bus.name
+            );
+            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+        }
         if !self.has_header {
             self.write_header()?;
         }

@@ -94,6 +94,12 @@ impl Columns {
         0..self.columns.len()
     }
 
+    /// Whether anything may stand in a column, and not only numbers, hex digits and fixed words.
+    pub fn has_text(&self, column: usize) -> bool {
+        let what = self.columns[column].what;
+        matches!(what, What::Bus | What::Summary | What::Role(_) | What::Field(_))
+    }
+
     /// Takes note of the next record's time.
     pub fn begin(&mut self, record: &Record<'_>) {
         let ns = record.start.ns();
@@ -101,7 +107,7 @@ impl Columns {
         self.last_ns = ns.or(self.last_ns);
     }
 
-    /// Writes a record's cell. What does not apply leaves it empty.
+    /// Writes a record's cell behind what stands there. What does not apply leaves it empty.
     pub fn write(&self, column: usize, record: &Record<'_>, cell: &mut String) {
         match self.columns[column].what {
             What::Number => integer(record.n as i64, cell),
@@ -122,9 +128,10 @@ impl Columns {
             What::Station => optional(record.station.map(i64::from), cell),
             What::Lost => optional(record.lost().map(|count| count as i64), cell),
             What::Summary => {
+                let start = cell.len();
                 // A String takes any text.
                 let _ = record.summarize(cell);
-                make_harmless(cell);
+                make_harmless(cell, start);
             }
             What::Raw => {
                 record.bytes().for_each(|byte| hex(byte, cell));
@@ -246,23 +253,22 @@ fn hex(byte: u8, cell: &mut String) {
 }
 
 fn join<'a>(words: impl Iterator<Item = &'a str>, cell: &mut String) {
-    for word in words {
-        if !cell.is_empty() {
-            cell.push(' ');
-        }
+    for (index, word) in words.enumerate() {
+        cell.push_str(if index == 0 { "" } else { " " });
         cell.push_str(word);
     }
 }
 
 /// Text from outside.
 fn text(words: &str, cell: &mut String) {
+    let start = cell.len();
     cell.push_str(words);
-    make_harmless(cell);
+    make_harmless(cell, start);
 }
 
 /// A spreadsheet runs a cell that begins in one of these ways as a formula.
-fn make_harmless(cell: &mut String) {
-    if cell.starts_with(['=', '+', '-', '@', '\t', '\r']) {
-        cell.insert(0, '\'');
+fn make_harmless(cell: &mut String, start: usize) {
+    if matches!(cell.as_bytes().get(start), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r')) {
+        cell.insert(start, '\'');
     }
 }

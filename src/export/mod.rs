@@ -1,5 +1,6 @@
 //! Where records go: one file a form.
 
+mod candump;
 mod changes;
 mod chars;
 mod columns;
@@ -9,6 +10,7 @@ mod pcapng;
 pub mod schema;
 mod text;
 
+pub use candump::Candump;
 pub use changes::Changes;
 pub use chars::Chars;
 pub use columns::Columns;
@@ -18,12 +20,20 @@ pub use pcapng::PcapNg;
 pub use text::Text;
 
 use dissectors::event::Moment;
-use dissectors::record::{BusInfo, Sink};
+use dissectors::record::{BusInfo, Record, Sink};
 use std::fmt;
 use std::io;
 
 /// A form that records are written in.
 pub trait Export: Sink {
+    /// The run has records from this time on, shown or not.
+    fn begin(&mut self, _time: Moment) {}
+
+    /// Whether this record is one of those to be shown. Each is asked for once.
+    fn wants(&mut self, _record: &Record<'_>) -> bool {
+        true
+    }
+
     /// Somebody's comment on what was heard on a bus at this time. Forms without comments leave it
     /// out.
     fn comment(&mut self, _bus: &BusInfo, _time: Moment, _text: &str) {}

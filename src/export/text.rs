@@ -1,9 +1,13 @@
 //! The table for people: one line a telegram, within 100 columns.
 
 use super::Export;
+use super::candump::write_frame;
 use crate::clock::{Clock, Exact};
+use crate::terminal::push_clean;
 use anstyle::{AnsiColor, Style};
-use dissectors::finding::Severity;
+use dissectors::event::Moment;
+use dissectors::finding::{Finding, Severity, Span};
+use dissectors::protocol::Medium;
 use dissectors::record::{Record, Sink};
 use dissectors::uart::{Character, Parity};
 use std::fmt::Write as _;
@@ -15,8 +19,9 @@ const WIDTH: usize = 100;
 /// Columns of the bus's name.
 const BUS: usize = 6;
 
-/// Columns of the bytes: those of the longest telegram.
+/// Columns of the bytes: those of the longest telegram, or of a frame with eight bytes.
 const BYTES: usize = 17;
+const FRAME: usize = 20;
 
 /// Writes records as a table.
 pub struct Text<W> {
@@ -26,7 +31,11 @@ pub struct Text<W> {
     has_colour: bool,
     is_verbose: bool,
     has_header: bool,
+    /// Columns of the bytes, as the first record has them.
+    bytes: usize,
     line: String,
+    /// Where the record's sentence ends in the line and its findings begin; 0 where it is one.
+    ends: usize,
     sentence: String,
 }
 
@@ -40,7 +49,9 @@ impl<W: Write> Text<W> {
             has_colour,
             is_verbose,
             has_header: false,
+            bytes: BYTES,
             line: String::new(),
+            ends: 0,
             sentence: String::new(),
         }
     }
@@ -49,16 +60,21 @@ impl<W: Write> Text<W> {
         if !self.has_header {
             self.has_header = true;
             let (n, time, bus, bytes) = ("n", "time", "bus", "bytes");
-            writeln!(self.out, "{n:>5} {time:>12} {bus:<BUS$} {bytes:<BYTES$}   what")?;
+            self.bytes = if record.protocol.medium == Medium::Can { FRAME } else { BYTES };
+            let width = self.bytes;
+            writeln!(self.out, "{n:>5} {time:>12} {bus:<BUS$} {bytes:<width$}   what")?;
         }
         self.compose(record);
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
         let style = severity.filter(|_| self.has_colour).map(style);
-        shorten(&mut self.line, WIDTH);
+        if self.line.chars().count() > WIDTH {
+            self.name_findings(record);
+        }
         write_styled(&mut self.out, style, &self.line)?;
         if self.is_verbose {
             self.write_findings(record)?;
             self.write_characters(record)?;
+            self.write_wire(record)?;
         }
         Ok(())
     }
@@ -79,28 +95,48 @@ impl<W: Write> Text<W> {
             let separator = if sentence.is_empty() { "" } else { " " };
             let _ = write!(sentence, "{separator}{:02X}", character.value());
         }
-        shorten(sentence, BYTES);
-        let _ = write!(line, "{sentence:<BYTES$} ");
+        if let Some(frame) = record.frame() {
+            write_frame(frame, sentence);
+        }
+        let width = self.bytes;
+        shorten(sentence, width);
+        let _ = write!(line, "{sentence:<width$} ");
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
         line.push(severity.map_or(' ', mark));
         line.push(' ');
         sentence.clear();
         let _ = record.summarize(sentence);
         push_clean(line, sentence);
+        self.ends = 0;
         // An event is its finding.
-        if record.characters().is_empty() {
+        if !record.has_bytes() {
             return;
         }
+        self.ends = line.len();
         let mut separator = "; ";
-        for severity in [Severity::Error, Severity::Warning, Severity::Info] {
-            for finding in record.findings.iter().filter(|finding| finding.severity() == severity) {
-                sentence.clear();
-                let _ = finding.say(record, sentence);
-                line.push_str(separator);
-                push_clean(line, sentence);
-                separator = ", ";
-            }
+        for finding in worst_first(record) {
+            sentence.clear();
+            let _ = finding.say(record, sentence);
+            line.push_str(separator);
+            push_clean(line, sentence);
+            separator = ", ";
         }
+    }
+
+    /// Makes a line that is too long fit: what was found stands there by name, be the sentence cut.
+    fn name_findings(&mut self, record: &Record<'_>) {
+        self.sentence.clear();
+        for finding in worst_first(record).filter(|_| self.ends > 0) {
+            let name = finding.code.name.rsplit('.').next().unwrap_or(finding.code.name);
+            self.sentence.push_str(if self.sentence.is_empty() { "; " } else { ", " });
+            self.sentence.push_str(name);
+        }
+        if self.ends > 0 {
+            self.line.truncate(self.ends);
+        }
+        shorten(&mut self.line, WIDTH.saturating_sub(self.sentence.chars().count()).max(1));
+        self.line.push_str(&self.sentence);
+        shorten(&mut self.line, WIDTH);
     }
 
     fn write_findings(&mut self, record: &Record<'_>) -> io::Result<()> {
@@ -115,6 +151,20 @@ impl<W: Write> Text<W> {
             write_styled(&mut self.out, style, &self.line)?;
         }
         Ok(())
+    }
+
+    /// What a frame took of the wire, and who sent it, as far as that is known.
+    fn write_wire(&mut self, record: &Record<'_>) -> io::Result<()> {
+        let Some(frame) = record.frame() else { return Ok(()) };
+        let bits = frame.bits().map(|bits| format!("{bits} bits"));
+        let time = record.duration.map(|ns| Span(ns.cast_signed()).to_string());
+        let side = frame.direction.map(|side| side.name().to_owned());
+        let crc = frame.crc.map(|fits| if fits { "CRC ok" } else { "CRC wrong" }.to_owned());
+        let known: Vec<String> = [bits, time, side, crc].into_iter().flatten().collect();
+        if known.is_empty() {
+            return Ok(());
+        }
+        writeln!(self.out, "{:26}{}", "", known.join(", "))
     }
 
     fn write_characters(&mut self, record: &Record<'_>) -> io::Result<()> {
@@ -146,6 +196,10 @@ impl<W: Write> Sink for Text<W> {
 }
 
 impl<W: Write> Export for Text<W> {
+    fn begin(&mut self, time: Moment) {
+        self.clock.begin(time);
+    }
+
     fn status(&mut self) -> io::Result<()> {
         std::mem::replace(&mut self.result, Ok(()))
     }
@@ -153,6 +207,13 @@ impl<W: Write> Export for Text<W> {
     fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
+}
+
+fn worst_first<'a>(record: &Record<'a>) -> impl Iterator<Item = &'a Finding> {
+    let findings = record.findings;
+    [Severity::Error, Severity::Warning, Severity::Info].into_iter().flat_map(move |severity| {
+        findings.iter().filter(move |finding| finding.severity() == severity)
+    })
 }
 
 fn write_styled(out: &mut impl Write, style: Option<Style>, text: &str) -> io::Result<()> {
@@ -204,11 +265,6 @@ const fn style(severity: Severity) -> Style {
         Severity::Warning => AnsiColor::Yellow.on_default(),
         Severity::Info => AnsiColor::Cyan.on_default(),
     }
-}
-
-/// Names come from outside: what would steer a terminal is shown as a dot.
-fn push_clean(text: &mut String, from: &str) {
-    text.extend(from.chars().map(|c| if c.is_control() { '·' } else { c }));
 }
 
 /// Leaves at most so many columns, the last one a mark where something is left out.

@@ -47,7 +47,7 @@ impl Reader for Bytes {
 
 /// The one bus of a source without times appears.
 pub fn announce(out: &mut Outbox) {
-    out.bus(BusInfo { name: BUS.to_owned(), clock: None }, WireFacts::default());
+    out.bus(BusInfo::new(BUS, None), WireFacts::default());
 }
 
 /// A character without a time.

@@ -9,7 +9,7 @@ use super::{Input, Piece, Source, SourceError};
 use dissectors::bus::WireFacts;
 use dissectors::event::{Break, Clock, Event};
 use dissectors::record::BusInfo;
-use dissectors::uart::{Character, Parity};
+use dissectors::uart::{Character, Parity, ParityMarks};
 use nom::branch::alt;
 use nom::bytes::complete::tag;
 use nom::character::complete::char;
@@ -31,6 +31,8 @@ pub struct Chars {
     lines: Lines<Input>,
     is_announced: bool,
     batch: Vec<Character>,
+    /// The batch that was handed over.
+    given: Vec<Character>,
     /// What ended the batch before it was full.
     pending: Option<Pending>,
 }
@@ -55,7 +57,17 @@ impl Chars {
             lines: Lines::new(&name, input),
             is_announced: false,
             batch: Vec::with_capacity(BATCH),
+            given: Vec::with_capacity(BATCH),
             pending: None,
+        }
+    }
+
+    /// What the first characters tell of all: whoever wrote them knew parity, or did not.
+    fn parity_marks(&self) -> ParityMarks {
+        let first = self.batch.iter().find(|character| !character.has_framing_error());
+        match first.map(Character::parity) {
+            Some(Parity::Unknown) => ParityMarks::None,
+            _ => ParityMarks::Character,
         }
     }
 
@@ -87,14 +99,17 @@ impl Source for Chars {
     fn next_piece(&mut self) -> Result<Option<Piece<'_>>, SourceError> {
         if !self.is_announced {
             self.is_announced = true;
-            let info = BusInfo { name: "serial".to_owned(), clock: Some(Clock::Log) };
+            self.fill();
+            let info = BusInfo::new("serial", Some(Clock::Log)).with_parity(self.parity_marks());
             return Ok(Some(Piece::Bus(info, WireFacts::default())));
         }
-        if self.pending.is_none() {
+        if self.batch.is_empty() && self.pending.is_none() {
             self.fill();
-            if !self.batch.is_empty() {
-                return Ok(Some(Piece::Heard(0, Event::Characters(&self.batch))));
-            }
+        }
+        if !self.batch.is_empty() {
+            self.given.clear();
+            std::mem::swap(&mut self.batch, &mut self.given);
+            return Ok(Some(Piece::Heard(0, Event::Characters(&self.given))));
         }
         match self.pending.take() {
             Some(Pending::Break(event)) => Ok(Some(Piece::Heard(0, Event::Break(event)))),

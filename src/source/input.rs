@@ -1,7 +1,7 @@
 //! A file or standard input, with its first bytes looked at.
 
 use super::{Place, SourceError};
-use crate::interrupt::Stdin;
+use crate::interrupt::Live;
 use std::fs::File;
 use std::io::{self, Read};
 
@@ -29,14 +29,19 @@ impl Input {
     /// It is not there, may not be read, is a directory, or has nothing in it.
     pub fn open(name: &str) -> Result<Input, SourceError> {
         if name == "-" {
-            return Input::of("standard input", Stdin::default());
+            return Input::of("standard input", Live(io::stdin()));
         }
         let whole = |cause| SourceError::io(name, Place::Whole, cause);
         let file = File::open(name).map_err(whole)?;
-        if file.metadata().map_err(whole)?.is_dir() {
+        let kind = file.metadata().map_err(whole)?.file_type();
+        if kind.is_dir() {
             return Err(whole(io::ErrorKind::IsADirectory.into()));
         }
-        Input::begin(name, Rest::File(file))
+        if kind.is_file() {
+            Input::begin(name, Rest::File(file))
+        } else {
+            Input::of(name, Live(file))
+        }
     }
 
     /// Looks at the first bytes of a stream that cannot be gone back in.

@@ -133,7 +133,7 @@ impl Lanes {
         let lane = &mut self.lanes[lane];
         lane.bus = Some(self.buses);
         self.buses += 1;
-        let info = BusInfo { name: lane.name.clone(), clock: Some(Clock::Sample) };
+        let info = BusInfo::new(lane.name.clone(), Some(Clock::Sample));
         out.bus(info, WireFacts { sampling: Some(self.sampling), ..WireFacts::default() });
     }
 

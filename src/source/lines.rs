@@ -47,6 +47,11 @@ impl<R: Read> Lines<R> {
         Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
     }
 
+    /// Whether the last line had an end, or the source ended inside it.
+    pub fn has_end(&self) -> bool {
+        self.line.ends_with(b"\n")
+    }
+
     /// Whether the next line may have to be waited for.
     pub fn may_wait(&self) -> bool {
         self.reader.buffer().is_empty()

@@ -47,7 +47,7 @@ impl Logic {
         options: &SourceOptions,
     ) -> Result<Logic, SourceError> {
         let channels = options
-            .chosen(channels, |(channel, _)| channel)
+            .chosen_lines(channels, |(channel, _)| channel)
             .map_err(|what| SourceError::new(name, Place::Whole, what))?;
         let samples = Samples::new(unitsize, channels);
         let uncertainty = u32::try_from(1_000_000_000_u64.div_ceil(rate)).unwrap_or(u32::MAX);
@@ -130,7 +130,7 @@ impl Source for Logic {
                     self.buses[channel] = Some(self.announced);
                     self.announced += 1;
                     let name = self.samples.name(channel).to_owned();
-                    let info = BusInfo { name, clock: Some(Clock::Sample) };
+                    let info = BusInfo::new(name, Some(Clock::Sample));
                     let facts = WireFacts { sampling: Some(self.sampling), ..WireFacts::default() };
                     return Ok(Some(Piece::Bus(info, facts)));
                 }

@@ -1,6 +1,8 @@
 //! Where events come from: one file a format.
 
+mod buses;
 mod bytes;
+mod can;
 mod chars;
 #[cfg(test)]
 mod damage;
@@ -8,6 +10,7 @@ mod error;
 mod input;
 mod lanes;
 mod lines;
+mod link;
 mod logic;
 mod numbers;
 mod outbox;
@@ -69,9 +72,9 @@ pub trait Source {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 #[value(rename_all = "kebab-case")]
 pub enum InputFormat {
-    /// Packet capture with serial characters (link type 250)
+    /// Packet capture with serial characters (link type 250) or CAN frames (227, 113, 276)
     Pcap,
-    /// Packet capture of several interfaces, with serial characters (link type 250)
+    /// Packet capture of several interfaces, serial or CAN
     Pcapng,
     /// sigrok session
     Sr,
@@ -93,7 +96,18 @@ pub enum InputFormat {
     Logic,
     /// Characters as text: time,byte,parity
     Chars,
+    /// CAN: the log of candump (-l, -L)
+    Candump,
+    /// CAN: what candump prints on a terminal
+    CandumpText,
+    /// CAN: trace of PEAK's programs
+    Trc,
+    /// CAN: log of Vector's programs, or BUSMASTER's
+    Asc,
 }
+
+/// Most channels of a logic analyzer that are believed: those of a sample of 64 bytes.
+const MOST_CHANNELS: usize = 512;
 
 /// What the user says about a source.
 #[derive(Clone, Default, Debug)]
@@ -130,6 +144,17 @@ impl SourceOptions {
         }
         let is_wanted = |channel: &T| self.channels.iter().any(|wanted| wanted == name(channel));
         Ok(there.into_iter().filter(|c| self.channels.is_empty() || is_wanted(c)).collect())
+    }
+
+    /// Of the channels of a logic analyzer, those that the user asked for.
+    ///
+    /// # Errors
+    /// One that was named is not there, or there are more than any analyzer has.
+    fn chosen_lines<T>(&self, there: Vec<T>, name: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
+        if there.len() > MOST_CHANNELS {
+            return Err(format!("there are {} channels, more than any analyzer has", there.len()));
+        }
+        self.chosen(there, name)
     }
 
     /// Checks the channels asked for where a source has only this one.
@@ -170,7 +195,14 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
     };
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
-        InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options)?)),
+        InputFormat::Candump => log(input, options, can::candump::Candump),
+        InputFormat::CandumpText => {
+            let grammar = can::console::Console::new(input.head());
+            log(input, options, grammar)
+        }
+        InputFormat::Trc => log(input, options, can::trc::Trc::new()),
+        InputFormat::Asc => log(input, options, can::asc::Asc::new()),
+        InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options))),
         InputFormat::Pcapng => Box::new(Reading::new(pcapng::PcapNg::new(input, options))),
         InputFormat::Sr => Box::new(sr::open(input, options)?),
         InputFormat::Vcd => Box::new(vcd::Vcd::new(input, options)?),
@@ -188,4 +220,12 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
             Box::new(Reading::new(saleae::table::Table::new(input, options)))
         }
     })
+}
+
+fn log<G: can::Grammar + 'static>(
+    input: Input,
+    options: &SourceOptions,
+    grammar: G,
+) -> Box<dyn Source> {
+    Box::new(Reading::new(can::Log::new(input, options, grammar)))
 }

@@ -99,7 +99,7 @@ fn stamp(is_negative: bool, whole: i64, digits: &[u8], exponent: i32) -> Option<
     // Value = (whole, digits as one number) * 10^(exponent - decimals) s.
     let kept = digits.get(..18).unwrap_or(digits);
     let dropped = decimals - i32::try_from(kept.len()).ok()?;
-    let scale = 9 + exponent - decimals + dropped;
+    let scale = exponent.checked_sub(decimals)?.checked_add(9 + dropped)?;
     let mantissa = kept.iter().try_fold(i128::from(whole), |value, digit| {
         value.checked_mul(10)?.checked_add(i128::from(digit - b'0'))
     })?;
@@ -112,7 +112,7 @@ fn stamp(is_negative: bool, whole: i64, digits: &[u8], exponent: i32) -> Option<
         }
     };
     let ns = i64::try_from(ns).ok()?;
-    let worth = 9 + exponent - decimals;
+    let worth = exponent - decimals + 9;
     let resolution = 10_u32.checked_pow(worth.max(0).unsigned_abs()).unwrap_or(u32::MAX);
     Some(Stamp { time: Moment::from_ns(if is_negative { -ns } else { ns }), resolution })
 }

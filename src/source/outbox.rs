@@ -6,15 +6,19 @@
 
 use super::{Piece, Source, SourceError};
 use dissectors::bus::WireFacts;
+use dissectors::can::Frame;
 use dissectors::event::{Break, Event, Levels, Loss, Moment};
 use dissectors::record::BusInfo;
 use dissectors::uart::Character;
 use std::collections::VecDeque;
 use std::ops::Range;
 
+/// Things to say after which a reader that could go on hands over first.
+const FULL: usize = 1024;
+
 /// Reads a format, one item after the other.
 pub trait Reader {
-    /// Reads the next item and puts what it says in the outbox. False at the end of the source.
+    /// Reads the next item, or as many as are at hand until the outbox is full, and puts what it says in the outbox. False at the end of the source.
     ///
     /// # Errors
     /// The source cannot go on. What is in the outbox is good.
@@ -56,6 +60,7 @@ impl<R: Reader> Source for Reading<R> {
 pub struct Outbox {
     waiting: VecDeque<Waiting>,
     characters: Vec<Character>,
+    frames: Vec<Frame>,
     edges: Vec<u64>,
     text: String,
 }
@@ -63,6 +68,7 @@ pub struct Outbox {
 enum Waiting {
     Bus(BusInfo, WireFacts),
     Characters(usize, Range<usize>),
+    Frames(usize, Range<usize>),
     Levels { bus: usize, edges: Range<usize>, level: bool, from: u64, until: u64 },
     Break(usize, Break),
     Lost(usize, Loss),
@@ -85,6 +91,21 @@ impl Outbox {
         if self.characters.len() > first {
             self.waiting.push_back(Waiting::Characters(bus, first..self.characters.len()));
         }
+    }
+
+    /// A frame was heard. Those that follow each other on a bus are handed over together.
+    pub fn frame(&mut self, bus: usize, frame: Frame) {
+        let first = self.frames.len();
+        self.frames.push(frame);
+        match self.waiting.back_mut() {
+            Some(Waiting::Frames(last, range)) if *last == bus => range.end = first + 1,
+            _ => self.waiting.push_back(Waiting::Frames(bus, first..first + 1)),
+        }
+    }
+
+    /// Whether there is so much in it that it is to be handed over first.
+    pub fn is_full(&self) -> bool {
+        self.frames.len().max(self.waiting.len()) >= FULL
     }
 
     /// Line levels were heard.
@@ -125,6 +146,7 @@ impl Outbox {
 
     fn forget(&mut self) {
         self.characters.clear();
+        self.frames.clear();
         self.edges.clear();
         self.text.clear();
     }
@@ -135,6 +157,7 @@ impl Outbox {
             Waiting::Characters(bus, range) => {
                 Piece::Heard(bus, Event::Characters(&self.characters[range]))
             }
+            Waiting::Frames(bus, range) => Piece::Heard(bus, Event::Frames(&self.frames[range])),
             Waiting::Levels { bus, edges, level, from, until } => {
                 let edges = &self.edges[edges];
                 Piece::Heard(bus, Event::Levels(Levels { edges, level, from, until }))

@@ -1,5 +1,6 @@
 //! What a source is, from its first bytes.
 
+use super::can::{asc, candump, console, trc};
 use super::rows::shown;
 use super::{Input, InputFormat, Place, SourceError};
 use super::{chars, parmrk, pcap, pcapng, saleae, sr, uart9, vcd};
@@ -29,7 +30,19 @@ fn recognize(head: &[u8]) -> Option<InputFormat> {
         (chars::is_header(head), InputFormat::Chars),
     ];
     let found = formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format);
-    found.or_else(|| saleae::format_of(head))
+    found.or_else(|| saleae::format_of(head)).or_else(|| can_log(head))
+}
+
+/// A log of CAN frames. Other text may stand before the first one.
+fn can_log(head: &[u8]) -> Option<InputFormat> {
+    let lines = || head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_end);
+    let formats = [
+        (lines().any(trc::is_line), InputFormat::Trc),
+        (asc::is_header(head), InputFormat::Asc),
+        (lines().any(candump::is_frame), InputFormat::Candump),
+        (lines().any(console::is_frame), InputFormat::CandumpText),
+    ];
+    formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format)
 }
 
 /// Whether an archive is one of Logic 2, which begins with these members.
@@ -39,7 +52,7 @@ fn is_saleae_session(head: &[u8]) -> bool {
 }
 
 /// What people try, how it begins, and what to do about it.
-const KNOWN: [(&[u8], &str); 11] = [
+const KNOWN: [(&[u8], &str); 18] = [
     (b"\x1F\x8B", "this is compressed with gzip: unpack it first"),
     (b"\x28\xB5\x2F\xFD", "this is compressed with zstd: unpack it first"),
     (b"\xFD7zXZ\0", "this is compressed with xz: unpack it first"),
@@ -54,7 +67,20 @@ const KNOWN: [(&[u8], &str); 11] = [
     (b"Time [s],Packet", OTHER_TABLE),
     (b"\"Time [s]\",Packet", OTHER_TABLE),
     (b"PK\x05\x06", "this is an empty zip archive"),
+    (b"LOGG", "this is a BLF log of Vector: convert it to ASC (python -m can.logconvert)"),
+    (b"MDF  ", MF4),
+    (b"UnFinMF", MF4),
+    (b"***BUSMASTER", "this is a log of BUSMASTER: convert it to ASC with its format converters"),
+    (b"Time Stamp,ID,Extended", "this is a table of SavvyCAN: save it as candump or ASC"),
+    (b"Chn Identifier", KVASER),
+    (b" Chn Identifier", KVASER),
 ];
+
+const MF4: &str = "this is an MDF measurement: convert it to ASC or candump with asammdf or \
+                   python-can";
+
+const KVASER: &str =
+    "this is a log of Kvaser CanKing: convert it to ASC with Kvaser's log converter";
 
 const MODIFIED_PCAP: &str =
     "this is a pcap file of a modified kind: convert it with editcap -F pcapng";
@@ -119,6 +145,14 @@ mod tests {
             (InputFormat::SaleaeCsv, b"\xEF\xBB\xBF\"Time [s]\",\"A\"\n"),
             (InputFormat::SaleaeTable, b"name,type,start_time,duration,\"data\"\n"),
             (InputFormat::SaleaeTable, b"Time [s],Value,Parity Error,Framing Error\n"),
+            (InputFormat::Candump, b"(1700000010.000000) dn0 42C#010E010101\n"),
+            (InputFormat::Candump, b"# notes\n(000.000001)  can0 00000123#R4 T\r\n"),
+            (InputFormat::CandumpText, b"  can0  123   [2]  11 22\n"),
+            (InputFormat::CandumpText, b"$ candump any\n (001.5)  can0  RX - -  123   [0] \n"),
+            (InputFormat::Trc, b";$FILEVERSION=2.1\r\n"),
+            (InputFormat::Trc, b";####\n;   D:\\TEST.TRC\n     1)      1841 0001  1 00 \n"),
+            (InputFormat::Asc, b"date Sam Sep 30 15:06:13 2017\nbase hex  timestamps absolute\n"),
+            (InputFormat::Asc, b"base hex  no internal events logged\n"),
         ] {
             assert_eq!(found(beginning), Ok(format));
         }
@@ -138,6 +172,8 @@ mod tests {
             text.contains("begins with \"Grüße aus der Halle\"; --input-format takes pcap"),
             "{text}"
         );
+        assert!(said(b"LOGG\x90\0\0\0").contains("convert it to ASC"));
+        assert!(said(b"***BUSMASTER Ver 3.2.2***\n").contains("BUSMASTER"));
         assert!(said(&[0x84, 0x81, 0x15, 0xFF, 0xFF, 0xFF, 0, 0x17]).contains("parmrk"));
         assert!(said(&[0x84, 1, 0x15, 0, 0x17, 1, 0, 0]).contains("uart9"));
         assert!(said(&[0x84, 0x15, 0xFF, 0x17]).contains("--input-format bytes"));

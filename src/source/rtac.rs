@@ -5,11 +5,12 @@
 //! nanoseconds: the start bit of the first character. The others follow without a pause.
 
 use super::SourceOptions;
+use super::link::Packet;
 use super::outbox::Outbox;
-use super::tap_note::{ParityMarks, TapNote};
+use super::tap_note::TapNote;
 use dissectors::bus::WireFacts;
 use dissectors::event::{Break, Clock, Loss, LossCause, Moment};
-use dissectors::uart::{Baud, Character, Format, Parity, ParityRule};
+use dissectors::uart::{Baud, Character, Format, Parity, ParityMarks, ParityRule};
 use nom::IResult;
 use nom::error::{Error, ErrorKind};
 
@@ -33,19 +34,6 @@ const PARITY_ERROR: u8 = 0x08;
 const SERIAL_BREAK: u8 = 0x09;
 const SERIAL_OVERFLOW: u8 = 0x0A;
 
-/// A packet as its container has it.
-#[derive(Clone, Copy, Debug)]
-pub struct Packet<'a> {
-    /// The container's stamp.
-    pub at: Moment,
-    /// What is in the capture.
-    pub bytes: &'a [u8],
-    /// Bytes the packet had before it was cut.
-    pub original_length: u32,
-    /// What the container counts as lost before it.
-    pub lost_before: Option<u64>,
-}
-
 /// One serial interface of a packet capture.
 #[derive(Debug)]
 pub struct Tap {
@@ -65,19 +53,13 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// The interface that is heard on this bus. Its stamps are worth `resolution` ns, unless its
+    /// An interface of a bus that has no number yet. Its stamps are worth `resolution` ns, unless its
     /// note says more; where it does not tell rate or format, the user's word counts.
-    pub fn new(
-        bus: usize,
-        note: &TapNote,
-        resolution: u32,
-        baud: Option<Baud>,
-        user: &SourceOptions,
-    ) -> Self {
+    pub fn new(note: &TapNote, resolution: u32, baud: Option<Baud>, user: &SourceOptions) -> Self {
         let format = note.format.or(user.frame).unwrap_or(Format::FT12);
         let has_parity = format.parity() != ParityRule::None;
         Tap {
-            bus,
+            bus: 0,
             told_baud: baud,
             told_format: note.format,
             bits: format.bits(),
@@ -97,6 +79,11 @@ impl Tap {
             // The packet has room for one mark only.
             unframed: if has_parity { Parity::Unknown } else { Parity::None },
         }
+    }
+
+    /// The same, heard on this bus.
+    pub fn on(self, bus: usize) -> Self {
+        Tap { bus, ..self }
     }
 
     /// The number of its bus.
@@ -207,8 +194,8 @@ mod tests {
         fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
             let Once(tap, bytes, original_length, lost_before) = self;
             let at = Moment::from_ns(1_000_000);
-            let packet =
-                Packet { at, bytes, original_length: *original_length, lost_before: *lost_before };
+            let (original_length, lost_before) = (*original_length, *lost_before);
+            let packet = Packet { at, bytes, original_length, lost_before, direction: None };
             if let Some(oddity) = tap.hear(&packet, out) {
                 out.warning(SourceError::new("test", Place::Whole, oddity));
             }
@@ -222,7 +209,7 @@ mod tests {
 
     fn heard(note: &str, bytes: &[u8], cut: u32, lost: Option<u64>) -> Vec<String> {
         let note = TapNote::parse(&format!("fieldtap-tap: {note}")).unwrap();
-        let tap = Tap::new(0, &note, 1, Baud::new(1_000_000), &SourceOptions::default());
+        let tap = Tap::new(&note, 1, Baud::new(1_000_000), &SourceOptions::default());
         let original = u32::try_from(bytes.len()).unwrap() + cut;
         of_source(&mut Reading::new(Once(tap, bytes.to_vec(), original, lost)))
     }
@@ -272,7 +259,7 @@ mod tests {
     fn stamps_taken_on_reading_were_put_back() {
         let tap = |note: &str| {
             let note = TapNote::parse(note).unwrap();
-            Tap::new(0, &note, 1, None, &SourceOptions::default()).is_interpolated
+            Tap::new(&note, 1, None, &SourceOptions::default()).is_interpolated
         };
         assert!(tap("fieldtap-tap: clock=read"));
         assert!(!tap("fieldtap-tap: clock=sample"));

@@ -5,7 +5,7 @@
 //! of their own, so that a session may unpack to any size.
 
 use super::logic::{Blocks, Logic};
-use super::{Input, Place, SourceError, SourceOptions, frequency};
+use super::{Input, MOST_CHANNELS, Place, SourceError, SourceOptions, frequency};
 use std::cell::Cell;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -48,6 +48,15 @@ pub fn open(input: Input, options: &SourceOptions) -> Result<Logic, SourceError>
         .unitsize
         .filter(|size| (1..=64).contains(size))
         .ok_or_else(|| wrong("the metadata has no usable unitsize: the session is damaged"))?;
+    if session.channels.is_empty() {
+        return Err(wrong("the session has no logic channels"));
+    }
+    if let Some((channel, bit)) = session.channels.iter().find(|(_, bit)| *bit >= 8 * unitsize) {
+        let channel = channel.escape_debug();
+        return Err(wrong(&format!(
+            "channel {channel} is bit {bit} of samples of {unitsize} bytes: the metadata is damaged"
+        )));
+    }
     let (sender, blocks) = sync_channel(AHEAD);
     let (give_back, empty) = sync_channel(AHEAD + 2);
     thread::spawn(move || archive.unpack(&capture, &Unpacking { sender, empty }));
@@ -82,7 +91,9 @@ impl Session {
                 "unitsize" => session.unitsize = value.parse().ok(),
                 _ => {
                     let number = key.strip_prefix("probe").and_then(|n| n.parse::<usize>().ok());
-                    if let Some(bit) = number.and_then(|number| number.checked_sub(1)) {
+                    let bit = number.and_then(|number| number.checked_sub(1));
+                    // So many that it is refused, and not one more.
+                    if let Some(bit) = bit.filter(|_| session.channels.len() <= MOST_CHANNELS) {
                         session.channels.push((value.to_owned(), bit));
                     }
                 }
@@ -130,7 +141,7 @@ impl Archive {
 
     /// A member that is a text.
     fn text(&mut self, member: &str) -> Result<String, SourceError> {
-        let mut text = String::new();
+        let mut text = Vec::new();
         match &mut self.members {
             Members::Whole(archive) => {
                 let missing = |_| {
@@ -140,7 +151,7 @@ impl Archive {
                 };
                 let file = archive.by_name(member).map_err(missing)?;
                 file.take(LONGEST_TEXT)
-                    .read_to_string(&mut text)
+                    .read_to_end(&mut text)
                     .map_err(|error| SourceError::io(&self.name, Place::Whole, error))?;
             }
             Members::Cut(file) => {
@@ -148,7 +159,7 @@ impl Archive {
                     if name != member {
                         return Ok(true);
                     }
-                    reader.take(LONGEST_TEXT).read_to_string(&mut text)?;
+                    reader.take(LONGEST_TEXT).read_to_end(&mut text)?;
                     Ok(false)
                 });
                 if text.is_empty() {
@@ -160,7 +171,8 @@ impl Archive {
                 }
             }
         }
-        Ok(text)
+        // A name that is no UTF-8 is still a channel.
+        Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
     /// Unpacks the samples block by block, until nobody takes them any more.
@@ -169,7 +181,7 @@ impl Archive {
         match members {
             Members::Whole(mut archive) => {
                 if let Err((member, error)) = unpack_whole(&mut archive, capture, unpacking) {
-                    let what = format!("{member} is damaged: {error}");
+                    let what = format!("{member} cannot be unpacked: {error}");
                     unpacking.fail(SourceError::new(&name, Place::Whole, what));
                 }
             }
@@ -202,8 +214,12 @@ fn unpack_whole(
     };
     for (count, member) in names.enumerate() {
         let Some(index) = archive.index_for_name(&member) else {
+            let start = format!("{capture}-");
+            let names = archive.file_names().filter_map(Result::ok);
+            let chunks = names.filter(|name| name.starts_with(&start)).count();
             return match count {
-                0 => Err((member, "it is missing".to_owned())),
+                0 => Err((capture.to_owned(), "it is missing".to_owned())),
+                _ if count < chunks => Err((member, "it is missing, and others follow".to_owned())),
                 _ => Ok(()),
             };
         };

@@ -2,7 +2,7 @@
 //! worth: `fieldtap-tap: clock=read pm_ns=16000000 parity=packet format=8E1`.
 
 use dissectors::event::Clock;
-use dissectors::uart::Format;
+use dissectors::uart::{Format, ParityMarks};
 
 const BEGINNING: &str = "fieldtap-tap:";
 
@@ -17,17 +17,6 @@ pub struct TapNote {
     pub parity: ParityMarks,
     /// The character format, if it is told.
     pub format: Option<Format>,
-}
-
-/// What an adapter marks when it sees a parity error.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum ParityMarks {
-    /// The character.
-    Character,
-    /// Every character that came in the same packet.
-    Packet,
-    /// Nothing: parity is not known.
-    None,
 }
 
 impl Default for TapNote {

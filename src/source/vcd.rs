@@ -1,6 +1,6 @@
 //! Value change dumps, `.vcd`, also sigrok's with times and values on one line.
 
-use super::{Input, Piece, Place, Source, SourceError, SourceOptions, frequency};
+use super::{Input, MOST_CHANNELS, Piece, Place, Source, SourceError, SourceOptions, frequency};
 use dissectors::bus::{Sampling, WireFacts};
 use dissectors::event::{Clock, Event, Levels, Loss, LossCause, Moment};
 use dissectors::record::BusInfo;
@@ -81,7 +81,10 @@ impl Vcd {
                 Ok(Command::Comment(text)) => samplerate = samplerate.or(acquisition_rate(&text)),
                 Ok(Command::VarDef(_, 1, id, name, index)) => {
                     let name = index.map_or(name.clone(), |index| format!("{name}{index}"));
-                    wires.push(Wire::new(id, name));
+                    // So many that it is refused, and not one more.
+                    if wires.len() <= MOST_CHANNELS {
+                        wires.push(Wire::new(id, name));
+                    }
                 }
                 Ok(_) => {}
             }
@@ -92,7 +95,7 @@ impl Vcd {
             SourceError::new(&name, place, what)
         })?;
         let wires = options
-            .chosen(wires, |wire: &Wire| &wire.name)
+            .chosen_lines(wires, |wire: &Wire| &wire.name)
             .map_err(|what| SourceError::new(&name, place, what))?;
         let sample = options.samplerate.or(samplerate).unwrap_or(rate);
         Ok(Vcd {
@@ -220,7 +223,7 @@ impl Source for Vcd {
                 self.wires[index].bus = Some(self.announced);
                 self.announced += 1;
                 let name = self.wires[index].name.clone();
-                let info = BusInfo { name, clock: Some(Clock::Sample) };
+                let info = BusInfo::new(name, Some(Clock::Sample));
                 let facts = WireFacts { sampling: Some(self.sampling), ..WireFacts::default() };
                 Piece::Bus(info, facts)
             }

@@ -102,7 +102,26 @@ fn severities_are_those_of_the_contract() {
         infos,
         ["slin.ambiguous", "slin.glitch", "slin.never-answered", "slin.no-data-words"]
     );
-    assert_eq!(with("warning").len(), all_codes().len() - errors.len() - infos.len());
+    let mut warnings = with("warning");
+    warnings.sort_unstable();
+    assert_eq!(
+        warnings,
+        [
+            "slin.early-response",
+            "slin.late-answer",
+            "slin.late-response",
+            "slin.not-slin",
+            "slin.position-jump",
+            "slin.reserved-bits",
+            "slin.stray-data",
+            "uart.break",
+            "uart.lost",
+            "uart.overrun",
+            "uart.swapped-lines",
+            "uart.wrong-parity",
+            "uart.wrong-rate",
+        ]
+    );
 }
 
 #[test]
@@ -123,4 +142,16 @@ fn the_wiring_checks_of_the_manual_are_named() {
         assert!(text.contains(check), "{check}");
     }
     assert!(fieldtap(["explain", "slin.duplicate-address"]).good().stdout.contains("Ident"));
+}
+
+/// What the README shows of its first command.
+#[test]
+fn the_readme_shows_what_is_printed() {
+    let readme = std::fs::read_to_string(here("README.md")).expect("it is there");
+    let shown = readme.split("```").nth(3).expect("the second block");
+    let run = fieldtap(["read", argument(&here("captures/slin-parity/one-station.pcapng"))]).good();
+    let printed: Vec<&str> = run.stdout.lines().chain(run.stderr.lines()).collect();
+    for line in shown.lines().filter(|line| !matches!(*line, "" | "…")) {
+        assert!(printed.contains(&line), "{line}");
+    }
 }

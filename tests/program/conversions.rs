@@ -119,3 +119,74 @@ fn several_sources_are_one_stream() {
     let whole = here("captures/good/baumer.chars");
     assert!(read(&[&parts[0], &parts[1]]) == read(&[&whole]));
 }
+
+#[test]
+fn what_is_there_is_lost_only_to_a_whole_conversion() {
+    let scratch = Scratch::new();
+    let capture = here("captures/good/tr.chars");
+    let whole = std::fs::read(&capture).expect("it is there");
+    let cut = scratch.file("cut.chars", &whole[..whole.len() / 2]);
+    let there = scratch.file("out.csv", "precious\n");
+    let kept = || std::fs::read_to_string(&there).expect("it is there") == "precious\n";
+    for source in [argument(&scratch.path("absent.chars")), argument(&cut)] {
+        let run = fieldtap(["convert", source, argument(&there)]);
+        assert!(run.status == 3 && kept(), "{source}: {}", run.stderr);
+    }
+    assert!(fieldtap(["convert", argument(&cut), argument(&there)]).stderr.contains("left as it"));
+    // Where nothing is, what could be decoded is better than nothing.
+    let new = scratch.path("new.csv");
+    assert_eq!(fieldtap(["convert", argument(&cut), argument(&new)]).status, 3);
+    assert!(std::fs::read_to_string(&new).expect("it is there").lines().count() > 50);
+    fieldtap(["convert", argument(&capture), argument(&there)]).good();
+    assert!(!kept());
+}
+
+#[cfg(unix)]
+#[test]
+fn links_and_permissions_stay_as_they_are() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let scratch = Scratch::new();
+    let capture = here("captures/good/tr.chars");
+    let mode =
+        |path: &Path| std::fs::metadata(path).expect("it is there").permissions().mode() & 0o777;
+    let target = scratch.file("target.csv", "old\n");
+    std::fs::set_permissions(&target, PermissionsExt::from_mode(0o640)).expect("it is ours");
+    let link = scratch.path("link.csv");
+    symlink(&target, &link).expect("links can be made");
+    fieldtap(["convert", argument(&capture), argument(&link)]).good();
+    assert!(link.is_symlink() && mode(&target) == 0o640);
+    assert!(std::fs::read_to_string(&target).expect("it is there").starts_with("n,time"));
+    // A new file is as readable as any that the test makes.
+    let (new, usual) = (scratch.path("new.csv"), scratch.file("usual", ""));
+    fieldtap(["convert", argument(&capture), argument(&new)]).good();
+    assert_eq!(mode(&new), mode(&usual));
+    // A device is written to, not replaced.
+    let null = ["convert", argument(&capture), "/dev/null", "--output-format", "csv"];
+    fieldtap(null).good();
+    assert!(!std::fs::metadata("/dev/null").expect("it is there").is_file());
+}
+
+#[test]
+fn what_the_tap_knows_of_parity_is_handed_on() {
+    let scratch = Scratch::new();
+    let capture = std::fs::read(here("captures/slin-parity/parity.pcapng")).expect("it is there");
+    // The note of the interface, said of an adapter that marks whole packets.
+    let (told, packet) = (b"parity=character", b"parity=packet   ");
+    let at = capture.windows(told.len()).position(|part| part == told).expect("it is told");
+    let mut bytes = capture;
+    bytes[at..at + told.len()].copy_from_slice(packet);
+    let first = scratch.file("first.pcapng", bytes);
+    let second = scratch.path("second.pcapng");
+    fieldtap(["convert", argument(&first), argument(&second)]).good();
+    let (first, second) = (records(&first), records(&second));
+    assert!(first.iter().any(|record| record.to_string().contains("suspect")));
+    assert!(first.iter().map(meaning).eq(second.iter().map(meaning)));
+    // Known of some characters only: that has no place there.
+    let text = "time,byte,parity\n0.000000000,83,ok\n0.000345486,1A,unknown\n";
+    let mixed = scratch.file("mixed.chars", text);
+    let run = fieldtap(["convert", argument(&mixed), argument(&scratch.path("mixed.pcapng"))]);
+    assert!(run.status == 3 && run.stderr.contains("parity is known of some"), "{}", run.stderr);
+    let early = scratch.file("early.chars", "time,byte,parity\n-0.010000000,83,ok\n");
+    let run = fieldtap(["convert", argument(&early), argument(&scratch.path("early.pcapng"))]);
+    assert!(run.status == 3 && run.stderr.contains("1970"), "{}", run.stderr);
+}

@@ -1,5 +1,6 @@
 //! What a user would try, through the built program.
 
+mod can;
 mod captures;
 mod conversions;
 mod endings;
@@ -11,5 +12,6 @@ mod selection;
 mod set_ups;
 mod simulate;
 mod snapshots;
+mod streams;
 mod telegrams;
 mod truth;

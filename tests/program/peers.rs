@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::process::Command;
 
 /// What a peer prints, or nothing if it may be absent and is.
-fn ask(program: &str, package: &str, arguments: &[&str]) -> Option<String> {
+pub fn ask(program: &str, package: &str, arguments: &[&str]) -> Option<String> {
     match Command::new(program).args(arguments).output() {
         Ok(output) => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
         Err(error) => {
@@ -68,6 +68,98 @@ fn wireshark_sees_serial_events() {
         let Some(events) = ask("tshark", "tshark", &arguments) else { return };
         assert!(events.lines().any(|line| line == event), "{capture}: {events}");
     }
+}
+
+/// Wireshark shows identifier, length, direction and losses of what we write of a CAN log.
+#[test]
+fn wireshark_reads_our_can_frames() {
+    let scratch = Scratch::new();
+    let log = scratch.file(
+        "a.log",
+        "(1.000001) can0 42C#010E010101 R\n(1.000002) can0 18EBFF00#AA T\nDROPCOUNT: dropped 3 CAN \
+         frames on 'can0' socket (total drops 3)\n(1.000003) can0 123#R4\n(1.000004) can0 \
+         20000004#0004000000006000\n(1.000005) can0 123##5AABB\n",
+    );
+    let capture = scratch.path("b.pcapng");
+    fieldtap(["convert", "-q", argument(&log), argument(&capture)]).good();
+    let fields = [
+        "frame.time_epoch",
+        "frame.interface_name",
+        "can.id",
+        "can.flags.xtd",
+        "can.flags.rtr",
+        "can.flags.err",
+        "can.len",
+        "canfd.flags.brs",
+        "frame.packet_flags_direction",
+        "frame.drop_count",
+    ];
+    let arguments = ["-r", argument(&capture), "-T", "fields", "-E", "separator=,"];
+    let named = fields.iter().flat_map(|field| ["-e", field]);
+    let arguments: Vec<&str> = arguments.into_iter().chain(named).collect();
+    let Some(told) = ask("tshark", "tshark", &arguments) else { return };
+    let lines: Vec<&str> = told.lines().collect();
+    let is = |word: &str, one: bool| {
+        // Versions write truths as 1 and 0 or in words.
+        word == if one { "1" } else { "0" } || word == if one { "True" } else { "False" }
+    };
+    assert_eq!(lines.len(), 5, "{told}");
+    let cells: Vec<Vec<&str>> = lines.iter().map(|line| line.split(',').collect()).collect();
+    assert_eq!(cells[0][..3], ["1.000001000", "can0", "1068"]);
+    assert!(is(cells[0][3], false) && cells[0][6] == "5", "{told}");
+    // 18EBFF00h; sent.
+    assert_eq!(cells[1][2], "418119424");
+    assert!(is(cells[1][3], true), "{told}");
+    assert_ne!(cells[0][8], cells[1][8], "{told}");
+    assert!(is(cells[2][4], true) && cells[2][9] == "3", "{told}");
+    assert!(is(cells[3][5], true), "{told}");
+    assert!(is(cells[4][7], true) && cells[4][6] == "2", "{told}");
+}
+
+/// can-utils make an ASC log of a candump log, and a candump log of that; we read the same frames
+/// of all three.
+#[test]
+fn can_utils_and_we_read_the_same_logs() {
+    let scratch = Scratch::new();
+    let log = "(1700000010.000000) can0 42C#010E010101\n(1700000010.001000) can1 42B#018E3600\n\
+               (1700000010.002000) can0 18EBFF00#AA\n(1700000010.003000) can0 123#R\n\
+               (1700000010.004000) can0 5FD#4300000000000000\n";
+    let file = scratch.file("a.log", log);
+    let (asc, again) = (scratch.path("b.asc"), scratch.path("c.log"));
+    let make = ["-I", argument(&file), "-O", argument(&asc), "can0", "can1"];
+    if ask("log2asc", "can-utils", &make).is_none() {
+        return;
+    }
+    ask("asc2log", "can-utils", &["-I", argument(&asc), "-O", argument(&again)]);
+    let read = |path: &std::path::Path| {
+        let read = ["read", "--protocol", "can", "--format", "json", argument(path)];
+        let records = fieldtap(read).good().records();
+        let start = records[0]["time_ns"].as_i64().expect("a time");
+        let frame = |record: &serde_json::Value| {
+            let can = &record["can"];
+            // Neither can0 nor can1 is in an ASC log, which counts from 1.
+            let ns = record["time_ns"].as_i64().expect("a time") - start;
+            (
+                ns,
+                can["id"].clone(),
+                can["extended"].clone(),
+                can["remote"].clone(),
+                can["data"].clone(),
+            )
+        };
+        records.iter().map(frame).collect::<Vec<_>>()
+    };
+    let ours = read(&file);
+    assert_eq!(ours.len(), 5);
+    assert_eq!(read(&asc), ours);
+    assert_eq!(read(&again), ours);
+    // And what we write they read.
+    let written = scratch.path("d.log");
+    fieldtap(["convert", "-q", argument(&asc), argument(&written)]).good();
+    let asc_again = scratch.path("e.asc");
+    let make = ["-I", argument(&written), "-O", argument(&asc_again), "can1", "can2"];
+    ask("log2asc", "can-utils", &make);
+    assert_eq!(read(&asc_again), ours);
 }
 
 /// sigrok's uart decoder prints `START-END uart-1: 1A`: sample numbers and the byte. Where lines

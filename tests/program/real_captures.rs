@@ -1,14 +1,23 @@
 //! Captures of real lines by others, with another decoder's reading beside each. They are not part
 //! of this project: a folder of them is named by `FIELDTAP_REAL_CAPTURES`, or looked for beside it.
+//! Those of CAN lines are in the folder `can` beside that one.
 
 use crate::harness::{argument, fieldtap, say};
+use crate::peers::ask;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Where the captures are, if they are.
 fn folder() -> Option<PathBuf> {
+    existing(uart_folder())
+}
+
+fn uart_folder() -> PathBuf {
     let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/captures/real/uart");
-    let folder = std::env::var_os("FIELDTAP_REAL_CAPTURES").map_or(beside.into(), PathBuf::from);
+    std::env::var_os("FIELDTAP_REAL_CAPTURES").map_or(beside.into(), PathBuf::from)
+}
+
+fn existing(folder: PathBuf) -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
@@ -92,4 +101,75 @@ fn the_same_is_found_without_being_told() {
     check("hello_world_8o1_115200", 1_000_000, &["--baud", "115200", "--frame", "8O1"]);
     check("hello_world_8n1_19200", 1_000_000, &["--baud", "19200", "--frame", "8N1"]);
     check("flowmeter_graph_tool", 4_000_000, &["--baud", "9600", "--frame", "8N1"]);
+}
+
+/// A CAN frame: the first sample of its start bit, its identifier, its data.
+type CanFrame = (i64, u32, String);
+
+/// What sigrok prints of a CAN line: `START-END can-1: Identifier: 1304 (0x518)`, for a long
+/// identifier `Full Identifier: …` below, then `Data byte 0: 0x00`. The start bit comes before.
+fn frames_of_sigrok(text: &str, bit: i64) -> Vec<CanFrame> {
+    let mut frames: Vec<CanFrame> = Vec::new();
+    for line in text.lines() {
+        let (range, said) = line.split_once(" can-1: ").expect("who says it");
+        let (what, value) = said.split_once(": ").expect("what it says");
+        let hex = value.rsplit("0x").next().expect("a value").trim_end_matches(')');
+        match what {
+            "Identifier" => {
+                let from: i64 =
+                    range.split_once('-').expect("a range").0.parse().expect("a sample");
+                let id = u32::from_str_radix(hex, 16).expect("hex");
+                frames.push((from - bit, id, String::new()));
+            }
+            "Full Identifier" => {
+                let frame = frames.last_mut().expect("below the first part");
+                frame.1 = u32::from_str_radix(hex, 16).expect("hex");
+            }
+            _ if what.starts_with("Data byte") => {
+                frames.last_mut().expect("behind the identifier").2 += &hex.to_uppercase();
+            }
+            _ => {}
+        }
+    }
+    frames
+}
+
+/// 125 kbit/s at 4 MHz: 32 samples a bit, 250 ns a sample. Rate, polarity and that this is CAN are
+/// found; every frame has a good checksum and nothing is wrong.
+#[test]
+fn can_frames_agree_with_sigrok() {
+    let Some(folder) = existing(uart_folder().with_file_name("can")) else { return };
+    for (load, count) in [("25", 14), ("100", 286)] {
+        let capture = folder.join(format!("mcp2515dm-bm-125kbits_bus_load_{load}percent.sr"));
+        let run = fieldtap(["read", "--format", "json", argument(&capture)]).good();
+        let ours: Vec<CanFrame> = run
+            .records()
+            .iter()
+            .map(|record| {
+                assert_eq!(
+                    (&record["bus"], &record["can"]["crc"]),
+                    (&"CAN_RX".into(), &"ok".into())
+                );
+                assert_eq!(record["findings"].as_array().map(Vec::len), Some(0), "{record}");
+                let ns = record["time_ns"].as_i64().expect("samples have times");
+                let id = record["can"]["id"].as_u64().and_then(|id| u32::try_from(id).ok());
+                let data = record["can"]["data"].as_str().unwrap_or_default();
+                (ns / 250, id.expect("an identifier"), data.to_owned())
+            })
+            .collect();
+        assert_eq!(ours.len(), count);
+        assert!(run.stderr.contains("bitrate 125000"), "{}", run.stderr);
+        let arguments =
+            ["-i", argument(&capture), "-P", "can:can_rx=CAN_RX:nominal_bitrate=125000"];
+        let more = ["-A", "can=id:full-id:data", "--protocol-decoder-samplenum"];
+        let Some(text) = ask("sigrok-cli", "sigrok-cli", &[&arguments[..], &more].concat()) else {
+            return;
+        };
+        let theirs = frames_of_sigrok(&text, 32);
+        assert_eq!(theirs.len(), count);
+        for (ours, theirs) in ours.iter().zip(&theirs) {
+            assert_eq!((ours.1, &ours.2), (theirs.1, &theirs.2), "at {}", theirs.0);
+            assert!((ours.0 - theirs.0).abs() <= 2, "{} {}", ours.0, theirs.0);
+        }
+    }
 }

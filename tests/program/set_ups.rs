@@ -20,6 +20,7 @@ fn the_cause_is_named_once_and_first() {
     for (capture, options, cause) in [
         ("tr.sr", &["--baud", "9600"][..], "uart.wrong-rate"),
         ("tr.sr", &["--baud", "57600"], "uart.wrong-rate"),
+        ("tr-115200.pcapng", &["--baud", "9600"], "uart.wrong-rate"),
         ("tr.sr", &["--baud", "230400"], "uart.wrong-rate"),
         ("tr.sr", &["--baud", "19200", "--frame", "8E1", "--invert", "no"], "uart.wrong-rate"),
         ("tr.sr", &["--frame", "8O1"], "uart.wrong-parity"),
@@ -42,8 +43,17 @@ fn right_settings_are_not_doubted() {
         ("tr.sr", &["--baud", "115200"]),
         ("inverted.sr", &["--invert", "yes"]),
         ("tr-345594.sr", &["--baud", "345600"]),
+        ("tr-115200.pcapng", &["--baud", "115200"]),
         ("tr.vcd", &["--frame", "8E1"]),
     ] {
         assert_eq!(causes(capture, options).0, [""; 0], "{capture} {options:?}");
     }
+}
+
+#[test]
+fn another_profile_is_no_other_protocol() {
+    let capture = here("captures/good/tr.sr");
+    let run = fieldtap(["stats", argument(&capture), "--profile", "baumer"]).good();
+    assert!(run.stderr.contains("x missing-footer"), "{}", run.stderr);
+    assert!(run.stderr.contains("-> read with --profile auto"), "{}", run.stderr);
 }

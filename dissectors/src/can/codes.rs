@@ -209,18 +209,21 @@ pub static WRONG_BITRATE: Code = Code {
     is_cause: true,
     meaning: "The bit rate of the tap is probably not that of the bus.",
     rule: "DeviceNet runs at 125, 250 or 500 kbit/s.",
-    evidence: "Sixteen error frames and not one good frame; or line levels whose pulses are those of another rate.",
+    evidence: "Sixteen error frames and not one good frame; or line levels whose pulses are those of another rate, or are upside down.",
     causes: &[
         "the tap was set to another bit rate",
         "CAN_H and CAN_L are swapped",
         "the rate of the bus was changed",
     ],
     next: &[
-        "let --bitrate auto find the rate of line captures; set a CAN interface to 125000, 250000, 500000 in turn",
+        "let --bitrate auto and --invert auto find out about line captures; set a CAN interface to 125000, 250000, 500000 in turn",
         RATE,
     ],
     cure: Cure { one: "--bitrate auto", all: "set the tap to another bit rate" },
     say: |finding, _, out| match (finding.expected, finding.actual) {
+        (Some(found), Some(set)) if found == set => {
+            write!(out, "the pulses are those of {found} bit/s, but upside down")
+        }
         (Some(found), Some(set)) => {
             write!(out, "read at {set} bit/s, but the pulses are those of {found} bit/s")
         }

@@ -208,6 +208,7 @@ impl Dissector for Can {
     }
 
     fn note(&mut self, finding: Finding) {
+        self.watch.note(&finding);
         self.at_end.push(finding);
     }
 

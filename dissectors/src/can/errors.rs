@@ -1,6 +1,7 @@
 //! What error frames say: the classes and details of SocketCAN (`linux/can/error.h`).
 
-use super::{Frame, FrameKind};
+use super::{Frame, FrameKind, Identifier};
+use crate::event::Moment;
 use crate::field::{List, Value};
 
 /// The classes that an error frame reports, one bit each in its identifier.
@@ -25,6 +26,7 @@ const CONTROLLER: u32 = 0x04;
 const PROTOCOL: u32 = 0x08;
 const NO_ACKNOWLEDGE: u32 = 0x20;
 const BUS_OFF: u32 = 0x40;
+const RESTARTED: u32 = 0x100;
 const COUNTERS: u32 = 0x200;
 
 impl ErrorClasses {
@@ -48,6 +50,29 @@ impl ErrorClasses {
     #[must_use]
     pub const fn is_not_acknowledged(self) -> bool {
         self.has(NO_ACKNOWLEDGE)
+    }
+}
+
+/// What breaks the rules of a frame on the line (CAN 2.0, part A §6): the type of a protocol error.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Violation {
+    /// A bit of fixed form has the other level.
+    Form = 0x02,
+    /// Six equal bits where stuffing forbids them.
+    Stuff = 0x04,
+    /// A dominant bit in the intermission: a node asks for more time.
+    Overload = 0x20,
+    /// An error flag, the cause of which is told already.
+    Flag = 0x40,
+}
+
+impl Violation {
+    /// The error frame that a controller would report of it, at one of SocketCAN's places.
+    #[must_use]
+    pub fn report(self, place: u8, start: Moment, uncertainty: u32) -> Frame {
+        let classes = Identifier::Extended(PROTOCOL);
+        Frame::new(start, uncertainty, FrameKind::Error, classes, 8)
+            .with(&[0, 0, self as u8, place, 0, 0, 0, 0])
     }
 }
 
@@ -78,6 +103,13 @@ impl ErrorDetail {
             .then_some(ErrorDetail { classes: ErrorClasses::of(frame), data })
     }
 
+    /// Nothing is wrong: the controller is active again, or merely tells its counters.
+    #[must_use]
+    pub const fn is_recovery(&self) -> bool {
+        let is_active = !self.classes.has(CONTROLLER) || self.data[1] == 0x40;
+        is_active && self.classes.0 & !(CONTROLLER | RESTARTED | COUNTERS) == 0
+    }
+
     /// The controller or its driver was overrun: frames are missing.
     #[must_use]
     pub const fn is_overrun(&self) -> bool {
@@ -88,6 +120,12 @@ impl ErrorDetail {
     #[must_use]
     pub const fn is_overload(&self) -> bool {
         self.classes.has(PROTOCOL) && self.data[2] & 0x20 != 0
+    }
+
+    /// Nothing was destroyed: this is no error frame, though controllers report it as one.
+    #[must_use]
+    pub const fn is_overload_alone(&self) -> bool {
+        self.classes.0 == PROTOCOL && self.data[2] == 0x20
     }
 
     /// A bit was stuffed wrongly.
@@ -102,10 +140,12 @@ impl ErrorDetail {
         self.classes.has(PROTOCOL) && self.data[2] & 0x02 != 0
     }
 
-    /// The checksum was found wrong: the place is the CRC sequence or its delimiter.
+    /// The checksum was found wrong: the place is the CRC sequence or its delimiter, and it is not
+    /// their stuffing or form that was.
     #[must_use]
     pub const fn is_crc(&self) -> bool {
-        self.classes.has(PROTOCOL) && matches!(self.data[3], 0x08 | 0x18)
+        let is_other = self.is_stuff() || self.is_form();
+        self.classes.has(PROTOCOL) && matches!(self.data[3], 0x08 | 0x18) && !is_other
     }
 
     /// The error counters of the tap's controller: sent, received. Old drivers fill them in without

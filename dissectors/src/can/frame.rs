@@ -61,6 +61,29 @@ pub enum FrameKind {
     Fd,
 }
 
+/// What a CAN FD frame says of itself besides its data.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct FdFlags {
+    /// Its data was sent at a higher rate (BRS).
+    pub has_rate_switch: bool,
+    /// Its sender was error passive (ESI).
+    pub is_error_passive: bool,
+}
+
+impl FdFlags {
+    /// As SocketCAN and its logs have them: 1 is BRS, 2 is ESI (`linux/can.h`).
+    #[must_use]
+    pub const fn from_bits(bits: u8) -> Self {
+        FdFlags { has_rate_switch: bits & 1 != 0, is_error_passive: bits & 2 != 0 }
+    }
+
+    /// The same bits.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.has_rate_switch as u8 | (self.is_error_passive as u8) << 1
+    }
+}
+
 /// Whether the tap's own host sent a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Direction {
@@ -94,10 +117,14 @@ pub struct Frame {
     pub id: Identifier,
     /// The data length code as sent: 0 to 15, or the length of a CAN FD frame.
     pub dlc: u8,
+    /// What a CAN FD frame says of itself; nothing for any other frame.
+    pub fd_flags: FdFlags,
     /// Who sent it, if the source tells.
     pub direction: Option<Direction>,
     /// Whether its checksum fits, if the source has the bits.
     pub crc: Option<bool>,
+    /// Whether somebody acknowledged it, if the source has the bits.
+    pub is_acknowledged: Option<bool>,
     /// The bits it took on the wire, where the source saw them: SOF to the end of the intermission.
     pub measured_bits: Option<u16>,
     /// How many data bytes it had, where the capture has fewer.
@@ -129,8 +156,10 @@ impl Frame {
             kind,
             id,
             dlc,
+            fd_flags: FdFlags::from_bits(0),
             direction: None,
             crc: None,
+            is_acknowledged: None,
             measured_bits: None,
             original_length: None,
             length: 0,

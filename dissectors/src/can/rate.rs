@@ -29,7 +29,15 @@ pub(crate) fn bitrate_from_spacing(frames: &[Frame]) -> Option<(Baud, String)> {
     let fits = |rate: &u32| {
         let baud = Baud::new(*rate)?;
         let target = |bits: i64| baud.bits_ns(bits as u32).cast_signed();
-        let close = spacings.iter().filter(|(ns, bits)| is_near(*ns, target(*bits))).count();
+        let near = || spacings.iter().filter(|(ns, bits)| is_near(*ns, target(*bits)));
+        let close = near().count();
+        // A cycle time may happen to be the length of some frames, but not of long and short ones.
+        let lengths = || near().map(|(_, bits)| *bits);
+        let (shortest, longest) = (lengths().min()?, lengths().max()?);
+        let is_varied = (longest - shortest) * 100 > shortest * 4 * TOLERANCE;
+        if !is_varied && close * 2 < spacings.len() {
+            return None;
+        }
         let impossible =
             spacings.iter().filter(|(ns, bits)| *ns * 100 < target(*bits) * (100 - TOLERANCE));
         (close >= ENOUGH && impossible.count() * 20 <= close).then_some((baud, close))
@@ -57,5 +65,18 @@ mod tests {
                 .collect();
             assert_eq!(bitrate_from_spacing(&frames).map(|(baud, _)| baud.get()), rate);
         }
+    }
+
+    /// Frames of 0 to 8 bytes every millisecond: only those of eight bytes, 125 bits, would fill it
+    /// at 125 kbit/s.
+    #[test]
+    fn a_cycle_time_is_no_rate() {
+        let frames: Vec<Frame> = (0..90)
+            .map(|n| {
+                let (start, id) = (Moment::from_ns(n * 1_000_000), Identifier::Standard(0x34A));
+                Frame::data(start, 1_000, id, &[0; 8][..n as usize % 9])
+            })
+            .collect();
+        assert_eq!(bitrate_from_spacing(&frames), None);
     }
 }

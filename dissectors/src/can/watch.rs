@@ -29,6 +29,7 @@ pub struct Watch {
     repeats: u32,
     errors_alone: u32,
     has_good: bool,
+    is_rate_doubted: bool,
 }
 
 impl Watch {
@@ -43,6 +44,7 @@ impl Watch {
             repeats: 0,
             errors_alone: 0,
             has_good: false,
+            is_rate_doubted: false,
         }
     }
 
@@ -56,6 +58,12 @@ impl Watch {
     #[must_use]
     pub const fn is_repeating(&self) -> bool {
         self.repeats > 0
+    }
+
+    /// Takes note of a finding about the bus that was made by other means: its cause is not told
+    /// again.
+    pub fn note(&mut self, finding: &Finding) {
+        self.is_rate_doubted |= finding.code == &codes::WRONG_BITRATE;
     }
 
     /// Takes the next frame and adds what is wrong with it. Returns its bits on the wire, if known.
@@ -83,9 +91,16 @@ impl Watch {
             self.has_good |= frame.crc != Some(false);
             return;
         }
-        findings.push(Finding::new(&codes::ERROR_FRAME));
         let classes = ErrorClasses::of(frame);
         let detail = ErrorDetail::of(frame);
+        if detail.is_some_and(|detail| detail.is_overload_alone()) {
+            findings.push(Finding::new(&codes::OVERLOAD));
+            return;
+        }
+        if detail.as_ref().is_some_and(ErrorDetail::is_recovery) {
+            return;
+        }
+        findings.push(Finding::new(&codes::ERROR_FRAME));
         let has = |is_it: fn(&ErrorDetail) -> bool| detail.as_ref().is_some_and(is_it);
         for (is_so, code) in [
             (classes.is_bus_off(), &codes::BUS_OFF),
@@ -100,7 +115,7 @@ impl Watch {
                 findings.push(Finding::new(code));
             }
         }
-        if !self.has_good {
+        if !self.has_good && !self.is_rate_doubted {
             self.errors_alone += 1;
             if self.errors_alone == ERRORS_ALONE {
                 let count = i64::from(ERRORS_ALONE);
@@ -110,9 +125,15 @@ impl Watch {
     }
 
     fn judge_repeats(&mut self, frame: &Frame, bits: Option<u16>, findings: &mut Vec<Finding>) {
+        let was_acknowledged = self.last.and_then(|last| last.is_acknowledged);
+        if frame.kind == FrameKind::Error && was_acknowledged == Some(false) {
+            // The sender's own flag, for want of an acknowledge: the frame comes again.
+            return;
+        }
         let is_repeat = self.last.as_ref().is_some_and(|last| {
             let same = (last.kind, last.id, last.dlc) == (frame.kind, frame.id, frame.dlc)
                 && frame.kind == FrameKind::Data
+                && frame.is_acknowledged != Some(true)
                 && last.bytes() == frame.bytes();
             let longest = match (bits, self.wire.baud()) {
                 // And a little for the delimiter and the intermission after an error.
@@ -123,9 +144,11 @@ impl Watch {
         });
         self.repeats = if is_repeat { self.repeats.saturating_add(1) } else { 0 };
         self.last = Some(*frame);
+        let finding = Finding::new(&codes::NOT_ACKNOWLEDGED);
         if self.repeats == REPEATS {
-            let finding = Finding::new(&codes::NOT_ACKNOWLEDGED);
             findings.push(finding.actual(i64::from(REPEATS)));
+        } else if frame.is_acknowledged == Some(false) {
+            findings.push(finding);
         }
     }
 
@@ -146,5 +169,84 @@ impl Watch {
     #[must_use]
     pub fn last_heard(&self) -> Moment {
         self.last.map_or(Moment::UNKNOWN, |frame| frame.start)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Identifier, Violation};
+    use super::*;
+    use crate::uart::{Baud, Format};
+
+    fn watch() -> Watch {
+        Watch::new(Wire::new(Baud::new(125_000), Format::FT12))
+    }
+
+    fn codes(watch: &mut Watch, frame: &Frame) -> Vec<&'static str> {
+        let mut findings = Vec::new();
+        watch.hear(frame, &mut findings);
+        findings.iter().map(|finding| finding.code.name).collect()
+    }
+
+    /// One of a row at 125 kbit/s: 55 bits without stuffing are 440 µs.
+    fn frame(n: i64, is_acknowledged: Option<bool>) -> Frame {
+        let start = Moment::from_ns(n * 500_000);
+        let mut frame = Frame::data(start, 250, Identifier::Standard(0x40F), &[0]);
+        frame.is_acknowledged = is_acknowledged;
+        frame
+    }
+
+    #[test]
+    fn a_frame_is_not_acknowledged_if_the_line_says_so_or_if_it_is_repeated_for_ever() {
+        let told = |is_acknowledged| {
+            let mut watch = watch();
+            (0..10).map(|n| codes(&mut watch, &frame(n, is_acknowledged)).len()).sum::<usize>()
+        };
+        assert_eq!([told(Some(true)), told(None), told(Some(false))], [0, 1, 10]);
+    }
+
+    #[test]
+    fn the_flag_of_a_sender_that_nobody_acknowledges_does_not_interrupt_its_repeats() {
+        let mut watch = watch();
+        for n in 0..3 {
+            codes(&mut watch, &frame(n, Some(false)));
+            let flag = Violation::Flag.report(0x1B, Moment::from_ns(n * 500_000 + 400_000), 250);
+            assert_eq!(codes(&mut watch, &flag), ["can.error-frame"]);
+        }
+        assert!(watch.is_repeating());
+    }
+
+    #[test]
+    fn what_the_line_shows_has_its_code() {
+        for (violation, place, told) in [
+            (Violation::Stuff, 0x08, &["can.error-frame", "can.stuff"][..]),
+            (Violation::Form, 0x18, &["can.error-frame", "can.form"]),
+            (Violation::Flag, 0x1A, &["can.error-frame"]),
+            (Violation::Overload, 0x12, &["can.overload"]),
+        ] {
+            let frame = violation.report(place, Moment::UNKNOWN, 0);
+            assert_eq!(codes(&mut watch(), &frame), told, "{violation:?}");
+        }
+    }
+
+    /// The classes and data of an error frame (`linux/can/error.h`), and the codes it raises.
+    #[test]
+    fn what_a_controller_reports_is_not_always_an_error() {
+        for (classes, data, codes) in [
+            // Passive; active again; counters alone.
+            (0x204, [0, 0x20, 0, 0, 0, 0, 0, 130], &["can.error-frame"][..]),
+            (0x204, [0, 0x40, 0, 0, 0, 0, 0, 90], &[]),
+            (0x200, [0, 0, 0, 0, 0, 0, 3, 4], &[]),
+            // A stuff error in the CRC sequence; the receiver was overrun.
+            (0x88, [0, 0, 4, 8, 0, 0, 0, 0], &["can.error-frame", "can.stuff", "can.crc"]),
+            (0x04, [0, 1, 0, 0, 0, 0, 0, 0], &["can.error-frame", "can.dropped"]),
+        ] {
+            let id = Identifier::Extended(classes);
+            let frame = Frame::new(Moment::from_ns(0), 1, FrameKind::Error, id, 8).with(&data);
+            let mut findings = Vec::new();
+            Watch::new(Wire::new(None, Format::FT12)).hear(&frame, &mut findings);
+            let names: Vec<&str> = findings.iter().map(|finding| finding.code.name).collect();
+            assert_eq!(names, codes);
+        }
     }
 }

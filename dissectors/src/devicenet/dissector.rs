@@ -116,9 +116,11 @@ impl DeviceNet {
             };
             all.get(at.start..)
         };
+        let data = facts.data.and_then(bytes);
         let message = Message {
             frame: FrameFields::new(Some(frame)),
-            data: facts.data.and_then(bytes),
+            data,
+            value: facts.value(data),
             io: facts.io.and_then(bytes),
             fragments: assembly(facts.completes).map_or(&[], |it| it.numbers()),
             facts,
@@ -156,8 +158,14 @@ impl DeviceNet {
         let at = if last.is_after(told.at) { last } else { told.at };
         let mut facts = Facts::new("event");
         (facts.station, facts.link) = (told.station, told.link);
-        let message =
-            Message { frame: FrameFields::new(None), facts, data: None, io: None, fragments: &[] };
+        let message = Message {
+            frame: FrameFields::new(None),
+            facts,
+            data: None,
+            value: None,
+            io: None,
+            fragments: &[],
+        };
         let findings = &self.ledger.judgement.findings;
         let blank = Record::new(&PROTOCOL, "event", (bus, self.wire), &message);
         let mut event = blank.of_event(at, findings);

@@ -3,8 +3,8 @@
 use super::allocation::{Allocation, Choice};
 use super::defect::Defect;
 use super::identifier::{MacId, Place};
-use super::message::{Fragment, Identity, Service, Target};
-use super::names;
+use super::message::{Fragment, Identity, Service, Target, service};
+use super::{cip, names};
 use crate::can::{self, FrameFields};
 use crate::field::{Field, FieldId, Kind, List, Value, fields, joined};
 use crate::record::Turn;
@@ -208,6 +208,8 @@ pub(super) struct Message<'a> {
     pub facts: Facts,
     /// Service data, or of a fragment what its own frame shows.
     pub data: Option<&'a [u8]>,
+    /// What the data means, where the attribute is known.
+    pub value: Option<cip::Value<'a>>,
     /// I/O data.
     pub io: Option<&'a [u8]>,
     /// Numbers of the records that make up the message.
@@ -282,13 +284,15 @@ fields! {
         "devicenet.data" (Kind::Hex, "", Plain)
             "service data after class, instance and attribute"
             => |t| t.data.map_or(Value::Absent, Value::Hex);
+        "devicenet.value" (Kind::Any, "", Plain) "the value that was read or written"
+            => |t| t.value.as_ref().map_or(Value::Absent, cip::Value::field);
         "devicenet.error.general" (BYTE, "", Plain) "general status of an error response"
             => |t| t.facts.error.map(|(general, _)| i64::from(general)).into();
         "devicenet.error.additional" (BYTE, "", Plain)
             "additional status of an error response; 255: none"
             => |t| t.facts.error.map(|(_, additional)| i64::from(additional)).into();
         "devicenet.error.name" (Kind::Text, "", Plain) "what the general status means"
-            => |t| t.facts.error.and_then(|(general, _)| names::status(general)).into();
+            => |t| t.facts.error.map(|(general, _)| names::status(general)).into();
         "devicenet.allocation.choice" (BYTE, "", Plain) "allocation or release choice"
             => |t| t.facts.allocation.map(|it| i64::from(it.choice.byte())).into();
         "devicenet.allocation.connections" (Kind::List(&Kind::OneOf(&LINKS)), "", Plain)
@@ -337,13 +341,29 @@ impl List for Message<'_> {
     }
 }
 
+impl Facts {
+    /// What the data means: a value that was read or is to be written.
+    pub fn value<'a>(&self, data: Option<&'a [u8]>) -> Option<cip::Value<'a>> {
+        let Service { code, is_response } = self.service?;
+        let carries = matches!((code, is_response), (service::GET, true) | (service::SET, false));
+        let data = data.filter(|_| carries)?;
+        names::attribute(self.target)?.decode(data).ok()
+    }
+}
+
 impl Message<'_> {
     fn service_name(&self) -> Option<&'static str> {
-        names::service(self.facts.service?.code, self.facts.target.class)
+        let code = self.facts.service?.code;
+        match self.facts.kind {
+            kind::UCMM_REQUEST | kind::UCMM_RESPONSE | kind::HEARTBEAT | kind::SHUTDOWN => {
+                names::unconnected_service(code)
+            }
+            _ => names::service(code, self.facts.target.class),
+        }
     }
 
     fn attribute_name(&self) -> Option<&'static str> {
-        names::attribute(self.facts.target.class?, self.facts.target.attribute?)
+        names::attribute(self.facts.target).map(|attribute| attribute.name)
     }
 
     /// What is known of a service and what it is about, for the sentence.

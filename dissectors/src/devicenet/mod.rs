@@ -12,14 +12,20 @@
 //! `ledger` holds it all; `explicit`, `request`, `response`, `learn`, `io`, `flow` and `management`
 //! say what each frame does to it, and `alarms` what did not come. Records are told by `layer` and
 //! `summary`.
+//!
+//! [`cip`] knows what services, classes and attributes are called and how their values are typed,
+//! [`encoder`] the encoder profiles, [`eds`] reads the makers' files.
 
 mod alarms;
 pub mod allocation;
+pub mod cip;
 pub mod codes;
 mod connection;
 pub mod defect;
 mod dissector;
 mod dynamic;
+pub mod eds;
+pub mod encoder;
 mod explicit;
 mod flood;
 mod flow;

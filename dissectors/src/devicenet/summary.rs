@@ -94,7 +94,7 @@ impl Message<'_> {
             }
         }
         self.service_and_target(out)?;
-        self.say_data(self.data, out)
+        self.say_value(out)
     }
 
     fn say_response(&self, out: &mut dyn Write) -> fmt::Result {
@@ -105,10 +105,7 @@ impl Message<'_> {
         }
         write!(out, ": ")?;
         if let Some((general, additional)) = self.facts.error {
-            match names::status(general) {
-                Some(name) => write!(out, "{name}")?,
-                None => write!(out, "error {general:02X}h")?,
-            }
+            write!(out, "error {general:02X}h, {}", names::status(general))?;
             return match additional {
                 0xFF => Ok(()),
                 code => write!(out, " ({code:02X}h)"),
@@ -118,7 +115,7 @@ impl Message<'_> {
         if let Some(format) = self.facts.body_format {
             write!(out, ", body format {format}")?;
         }
-        self.say_data(self.data, out)
+        self.say_value(out)
     }
 
     fn say_fragment(&self, fragment: Fragment, out: &mut dyn Write) -> fmt::Result {
@@ -212,6 +209,16 @@ impl Message<'_> {
             write!(out, " in {}", Span(ns))?;
         }
         self.say_data(self.io, out)
+    }
+
+    /// The value of a known attribute in words, else the data.
+    fn say_value(&self, out: &mut dyn Write) -> fmt::Result {
+        match (self.value, names::attribute(self.facts.target)) {
+            (Some(value), Some(attribute)) => {
+                write!(out, ": {} {}", attribute.name, attribute.in_words(value))
+            }
+            _ => self.say_data(self.data, out),
+        }
     }
 
     fn say_data(&self, data: Option<&[u8]>, out: &mut dyn Write) -> fmt::Result {

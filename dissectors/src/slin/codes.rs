@@ -100,7 +100,7 @@ pub static ADDRESS_MISMATCH: Code = Code {
     is_cause: false,
     meaning: "The footer names another station than the request.",
     rule: "The encoder that is asked ends its answer with its own address (Baumer SLIN §3.2, TR SLIN §6).",
-    evidence: "Request and footer as received. Where the named station was asked before and was silent, it is slin.late-answer instead.",
+    evidence: "Request and footer as received. Where the named station was silent when it was asked before, and it was heard before that or the answer is outside the window, it is slin.late-answer instead.",
     causes: &[
         "interference altered the request or the footer",
         "a second master sent a request into the answer",
@@ -130,7 +130,7 @@ pub static NO_RESPONSE: Code = Code {
     is_cause: false,
     meaning: "A station that answered before did not answer this request.",
     rule: "The encoder answers within 1 ms (Baumer SLIN §3.2), after 0.1 to 0.4 ms (TR SLIN §6).",
-    evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). From the third in a row it is a state: told when it begins and when it ends.",
+    evidence: "Another control word, or silence for ten times the limit (10 ms while the maker is undecided). Heard before is a station with one undamaged answer that named itself; a damaged request is not counted, it may have been for another. From the third in a row it is a state: told when it begins and when it ends; `fieldtap stats` counts every request of it.",
     causes: &[
         "the station lost its supply, or its plug is loose",
         "the request was damaged on its way to the station (the tap may hear it better)",
@@ -396,7 +396,7 @@ pub static POSITION_JUMP: Code = Code {
     is_cause: false,
     meaning: "A position does not fit the ones before and after it: perhaps a wrong value without any error mark.",
     rule: "No manual has such a rule. Parity misses two wrong bits in a character, and the checksum misses 1 in 5 of those.",
-    evidence: "The step to this position differs from the steps before and after it, both in the same direction, by more than 127 and by more than 8 times the largest other change of step among the station's last 100. Steps across gaps, missed and damaged telegrams are left out. A spike is told once, not its return.",
+    evidence: "The step to this position differs from the steps before and after it by more than 127 and by more than 8 times the largest other change of step among the station's last 100. Both differences have the same sign, and at least 4 changes of step were seen before. Steps are counted modulo the resolution of --stations, else modulo the smallest power of two above every position shown. Steps across gaps, missed and damaged telegrams are left out. A spike is told once, not its return.",
     causes: &[
         "interference that parity and checksum did not catch",
         "a lost data word: the lower part of the position alone passes 1 check in 8",
@@ -415,10 +415,10 @@ pub static POSITION_JUMP: Code = Code {
     say: |finding, record, out| {
         write!(
             out,
-            "position {} of station {} is off by {} from its neighbours",
+            "position {} of station {} does not fit its neighbours, which lead to {}",
             finding.actual.unwrap_or_default(),
             record.station.unwrap_or_default(),
-            finding.actual.unwrap_or_default() - finding.expected.unwrap_or_default()
+            finding.expected.unwrap_or_default()
         )
     },
 };
@@ -430,7 +430,7 @@ pub static NOT_SLIN: Code = Code {
     is_cause: true,
     meaning: "What is on this line does not speak SLIN.",
     rule: "Request 80h to 87h, data words, footer (Baumer SLIN §3.2, TR SLIN §6). Baumer's other RS485 protocol: 38400 Bd, 8N1, request 01 80 address 80 04, answer with six bytes between 01 and LRC 04.",
-    evidence: "No complete exchange in the whole capture, or requests of Baumer's other protocol. Told once, at the end.",
+    evidence: "Requests of Baumer's other protocol, at least one for every two exchanges that seem complete: in the whole capture where it was read as SLIN, in its first 256 characters or 2 s where auto decides. Or no complete exchange in a whole capture of at least 16 characters that was read as SLIN, less than half of them damaged, less than half of them requests and answers under these settings, less than a quarter of the control words footers under any, and no wrong set-up of the tap to explain it. Told once, at the end.",
     causes: &[
         "the encoder is a GXM7W/GXM7S with ordinary RS485: same housing and plug, another protocol",
         "another device or protocol on this line",
@@ -445,10 +445,14 @@ pub static NOT_SLIN: Code = Code {
         all: "compare the encoder's type code; --protocol uart",
     },
     say: |finding, _, out| match finding.actual {
-        Some(requests) => write!(
-            out,
-            "{requests} requests of Baumer's other RS485 protocol (01 80 address 80 04): an encoder without SLIN"
-        ),
+        Some(requests) => {
+            let plural = if requests == 1 { "" } else { "s" };
+            write!(
+                out,
+                "{requests} request{plural} of Baumer's other RS485 protocol (01 80 address 80 04) in {} characters: an encoder without SLIN",
+                finding.limit.unwrap_or_default()
+            )
+        }
         None => write!(
             out,
             "no complete exchange in {} characters: this does not speak SLIN",
@@ -527,7 +531,7 @@ pub static NEVER_ANSWERED: Code = Code {
     is_cause: false,
     meaning: "This address was asked and nobody has answered there so far.",
     rule: "None: masters scan addresses that are not in use. Up to 8 encoders (TR SLIN §1).",
-    evidence: "Another control word, or silence for ten times the limit. Told once an address.",
+    evidence: "Another control word, or silence for ten times the limit. A damaged request is not counted. Told once an address.",
     causes: &[
         "there is no encoder at this address, and the master asks in vain",
         "the encoder has another address than planned: Ident jumpers",

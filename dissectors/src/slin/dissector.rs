@@ -23,6 +23,8 @@ const SLOWEST_CHARACTER_NS: i64 = 1_145_833;
 /// The state of one SLIN bus.
 pub struct Slin {
     open: Exchange,
+    /// Late answers of other stations that came since the open request: one of each at most.
+    crossing: Vec<Exchange>,
     ledger: Ledger,
     setup: Setup,
     /// Nothing was heard of the bus's order yet: what comes may be the rest of a telegram.
@@ -43,6 +45,7 @@ impl Slin {
     pub fn new(wire: Wire, settings: &Settings) -> Self {
         Slin {
             open: Exchange::empty(),
+            crossing: Vec::new(),
             ledger: Ledger::new(wire, settings),
             setup: Setup::with_even_parity(wire.format()),
             is_beginning: true,
@@ -60,10 +63,6 @@ impl Slin {
     }
 
     fn character(&mut self, character: Character, outlet: &mut Outlet<'_, '_>) {
-        self.ledger.signature.hear(character.byte(), character.is_damaged());
-        if let Some(finding) = self.setup.hear(&character) {
-            self.pending.push(finding);
-        }
         if let Some(last) = &self.last {
             if self.silence_from(last).is_some_and(|end| character.start.is_after(end)) {
                 self.silence(outlet);
@@ -71,6 +70,9 @@ impl Slin {
                 self.cut(outlet);
             }
         }
+        // Silence is over before the character is: it may have been told by then.
+        self.ledger.signature.hear(character.byte(), character.is_damaged());
+        self.pending.extend(self.setup.hear(&character));
         if self.open.undecided().is_some() {
             self.resolve(Next::Character(&character), outlet);
         }
@@ -126,7 +128,19 @@ impl Slin {
 
     fn end_with_footer(&mut self, footer: Character, outlet: &mut Outlet<'_, '_>) {
         self.open.push(footer, Part::Footer);
-        self.end(End::Footer, outlet);
+        self.end_answer(outlet);
+    }
+
+    /// An answer ends the exchange, unless it is another station's that comes late: then the
+    /// request is still to be answered.
+    fn end_answer(&mut self, outlet: &mut Outlet<'_, '_>) {
+        let late = self.ledger.late_station(&self.open);
+        let came = |address| self.crossing.iter().any(|other| other.named() == Some(address));
+        if late.is_some_and(|address| !came(address)) {
+            self.crossing.push(self.open.take_answer());
+        } else {
+            self.end(End::Footer, outlet);
+        }
     }
 
     fn resolve(&mut self, next: Next<'_>, outlet: &mut Outlet<'_, '_>) {
@@ -139,7 +153,7 @@ impl Slin {
             Part::Footer => {
                 self.open.framed_by = framed_by;
                 self.open.decide(part);
-                self.end(End::Footer, outlet);
+                self.end_answer(outlet);
             }
             Part::Request => {
                 if let Some(request) = self.open.pop() {
@@ -165,9 +179,10 @@ impl Slin {
     fn end(&mut self, end: End<'_>, outlet: &mut Outlet<'_, '_>) -> bool {
         let mut may_be_answer = false;
         if !self.open.is_empty() {
-            may_be_answer = self.ledger.tell(&self.open, end, outlet);
+            may_be_answer = self.ledger.tell(&self.open, &self.crossing, end, outlet);
             self.is_beginning &= self.open.footer().is_none();
             self.open.clear();
+            self.crossing.clear();
         }
         for finding in self.pending.drain(..) {
             outlet.event(finding, None, None, self.last);
@@ -203,9 +218,10 @@ impl Slin {
         self.cut(outlet);
     }
 
-    /// When the silence after a character is over patience.
+    /// When the silence after a character is over patience: then nobody answers any more, be it for
+    /// the first time or for the second.
     fn silence_from(&self, last: &Character) -> Option<Moment> {
-        if self.open.is_empty() {
+        if self.open.is_empty() && !self.ledger.awaits_second_answer() {
             return None;
         }
         let character = self.ledger.wire.character_ns().unwrap_or(SLOWEST_CHARACTER_NS);

@@ -141,6 +141,20 @@ impl Exchange {
         Some(self.characters[self.len])
     }
 
+    /// Takes the answer out. What is left is the request, to be answered yet.
+    pub fn take_answer(&mut self) -> Exchange {
+        let mut answer = Exchange { framed_by: self.framed_by, ..Exchange::empty() };
+        let from = self.answer_begins();
+        for (character, part) in self.characters[from..self.len].iter().zip(&self.parts[from..]) {
+            answer.push(*character, *part);
+        }
+        self.len = from;
+        self.words = 0;
+        self.footer = None;
+        self.framed_by = FramedBy::Grammar;
+        answer
+    }
+
     /// All characters.
     #[must_use]
     pub fn characters(&self) -> &[Character] {
@@ -207,6 +221,12 @@ impl Exchange {
         self.footer.map(|index| &self.characters[index])
     }
 
+    /// The address that an undamaged footer names.
+    #[must_use]
+    pub fn named(&self) -> Option<Address> {
+        self.footer().filter(|footer| !footer.is_damaged()).map(|footer| Address::of(footer.byte()))
+    }
+
     /// Whether anybody answered: a data word or a footer came.
     #[must_use]
     pub const fn has_answer(&self) -> bool {
@@ -238,6 +258,8 @@ impl Exchange {
 pub struct Distance {
     /// From the end of the one to the start of the other, in ns.
     pub gap: i64,
+    /// ± of it.
+    uncertainty: i64,
     /// Duration of a character in ns.
     character: i64,
 }
@@ -249,7 +271,7 @@ impl Distance {
         let character = wire.character_ns()?;
         let gap = later.start.since(earlier.start)? - character;
         let uncertainty = i64::from(earlier.uncertainty) + i64::from(later.uncertainty);
-        (uncertainty <= character / 2).then_some(Distance { gap, character })
+        (uncertainty <= character / 2).then_some(Distance { gap, uncertainty, character })
     }
 
     /// Whether the later one follows within half a character: what one station sends in one go.
@@ -258,10 +280,10 @@ impl Distance {
         self.gap < self.character / 2
     }
 
-    /// Whether the later one follows within two bits, as words that one encoder sends do.
+    /// Whether the later one may follow within two bits, as words that one encoder sends do.
     #[must_use]
     pub const fn is_joined(self) -> bool {
-        self.gap < self.character * 2 / 11
+        self.gap - self.uncertainty < self.character * 2 / 11
     }
 
     /// Whether more than one lost character fits between them.

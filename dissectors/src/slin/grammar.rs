@@ -117,7 +117,8 @@ impl Question<'_> {
         let may_be_request = bits_from_request(character) <= 1;
         if !is_control(character.byte()) {
             let stands_alone = self.follows() == Some(false) && !self.came_close();
-            let is_request = may_be_request && stands_alone && self.next.is_data();
+            let has_no_footer = self.next.is_data() || self.is_last();
+            let is_request = may_be_request && stands_alone && has_no_footer;
             return if is_request { Part::Request } else { Part::Data };
         }
         // Long after the request nothing is its first data word.
@@ -133,7 +134,7 @@ impl Question<'_> {
             let is_request = self.is_request(control);
             return if is_request && may_be_request { Part::Request } else { Part::Data };
         }
-        let bits_from_footer = (character.byte() ^ self.empty_footer()).count_ones();
+        let bits_from_footer = wrong_bits(character, self.empty_footer(), 0xFF);
         if self.expectation.bit3 == Some(true) && bits_from_footer < bits_from_request(character) {
             Part::Footer
         } else if may_be_request {
@@ -159,12 +160,14 @@ impl Question<'_> {
                 None => Part::Data,
             }
         } else {
-            let as_footer = character.byte() | 0x80;
+            let is_footer = self.is_perfect_footer(character.byte() | 0x80);
             let is_before_footer =
                 self.next.intact_control().is_some_and(|control| !self.is_request(control));
-            if self.follows() == Some(true) || is_before_footer && self.follows().is_none() {
+            if is_footer && self.is_apart() && !self.next.is_data() {
+                Part::Footer
+            } else if self.follows() == Some(true) || is_before_footer && self.follows().is_none() {
                 Part::Data
-            } else if self.fits_as_footer(as_footer, self.exchange.data()) {
+            } else if is_footer {
                 Part::Footer
             } else if is_request {
                 Part::Request
@@ -181,22 +184,24 @@ impl Question<'_> {
     }
 
     /// Whether, with the damaged character as a data word whose bit 7 flipped, the control word
-    /// right behind it is the footer. Where the damaged one is a perfect footer itself, the other
-    /// must be joined to it.
+    /// joined to it is the footer.
     fn ends_the_answer_with(&self, damaged: &Character, control: u8) -> bool {
         let bit3 = Footer::of(control).bit3;
-        if self.expectation.bit3.is_some_and(|expected| expected != bit3) {
-            return false;
-        }
-        let is_footer = self.fits_as_footer(damaged.byte(), self.exchange.data());
-        if is_footer && self.behind().is_some_and(|behind| !behind.is_joined()) {
+        if self.expectation.bit3.is_some_and(|expected| expected != bit3) || self.is_apart() {
             return false;
         }
         let mut data = [0; super::exchange::CAPACITY];
         let words = self.exchange.words();
         data[..words].copy_from_slice(self.exchange.data());
         data[words] = damaged.byte() & 0x7F;
-        self.follows() != Some(false) && self.fits_as_footer(control, &data[..=words])
+        self.fits_as_footer(control, &data[..=words])
+    }
+
+    /// Whether a control word fits the words so far as their footer, and its station's habits.
+    fn is_perfect_footer(&self, control: u8) -> bool {
+        let bit3 = Footer::of(control).bit3;
+        self.expectation.bit3.is_none_or(|expected| expected == bit3)
+            && self.fits_as_footer(control, self.exchange.data())
     }
 
     fn fits_as_footer(&self, control: u8, data: &[u8]) -> bool {
@@ -222,6 +227,17 @@ impl Question<'_> {
         }
     }
 
+    /// Whether what follows is not joined to it, as words that one encoder sends are.
+    fn is_apart(&self) -> bool {
+        self.behind().is_some_and(|behind| !behind.is_joined())
+    }
+
+    /// Whether no other word of the same answer can follow: there is silence, or room for more
+    /// than a lost one.
+    fn is_last(&self) -> bool {
+        matches!(self.next, Next::Silence) || self.behind().is_some_and(Distance::is_far)
+    }
+
     /// How far behind it the next one came.
     fn behind(&self) -> Option<Distance> {
         match (self.next, self.exchange.last()) {
@@ -234,5 +250,11 @@ impl Question<'_> {
 /// How many bits of a character must be wrong if it was sent as a request: of the bits that are
 /// the same in every request.
 fn bits_from_request(character: &Character) -> u32 {
-    ((character.byte() ^ 0x80) & 0xF8).count_ones()
+    wrong_bits(character, 0x80, 0xF8)
+}
+
+/// How many bits of a character, the stop bit among them, must be wrong if these data bits were
+/// sent; of the data bits those in the mask are compared.
+fn wrong_bits(character: &Character, sent: u8, mask: u8) -> u32 {
+    ((character.byte() ^ sent) & mask).count_ones() + u32::from(character.has_framing_error())
 }

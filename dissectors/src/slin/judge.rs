@@ -13,12 +13,15 @@ use alloc::vec::Vec;
 #[derive(Default, Debug)]
 pub(super) struct Verdict {
     pub findings: Vec<Finding>,
+    /// States that were told before and go on.
+    pub ongoing: Vec<&'static Code>,
     pub withheld: Vec<&'static Code>,
 }
 
 impl Verdict {
     pub fn clear(&mut self) {
         self.findings.clear();
+        self.ongoing.clear();
         self.withheld.clear();
     }
 
@@ -107,10 +110,10 @@ impl Verdict {
         }
         let Some(earliest) = window.earliest else { return };
         let early_by = earliest - ns;
-        if early_by > uncertainty + bit {
-            self.add(Finding::new(&codes::EARLY_RESPONSE).actual(ns).limit(earliest));
-        } else if early_by.abs() <= uncertainty || earliest < bit {
+        if earliest < bit || early_by.abs() <= uncertainty {
             self.withheld.push(&codes::EARLY_RESPONSE);
+        } else if early_by > uncertainty + bit {
+            self.add(Finding::new(&codes::EARLY_RESPONSE).actual(ns).limit(earliest));
         }
     }
 }

@@ -67,21 +67,41 @@ impl Ledger {
         }
     }
 
-    /// Tells an exchange that is over. Returns whether the request that ended it may as well be
-    /// its empty answer.
-    pub fn tell(&mut self, exchange: &Exchange, end: End<'_>, outlet: &mut Outlet<'_, '_>) -> bool {
+    /// Tells an exchange that is over, and the late answers that crossed it. Returns whether the
+    /// request that ended it may as well be its empty answer.
+    pub fn tell(
+        &mut self,
+        exchange: &Exchange,
+        crossing: &[Exchange],
+        end: End<'_>,
+        outlet: &mut Outlet<'_, '_>,
+    ) -> bool {
         let told = self.told.take();
-        match exchange.request() {
-            Some(request) if exchange.has_answer() => {
-                self.tell_answered(exchange, request, end, outlet);
-                false
-            }
-            Some(request) => self.tell_unanswered(exchange, request, end, outlet),
-            None => {
-                self.tell_unasked(exchange, told, outlet);
-                false
-            }
+        let Some(request) = exchange.request() else {
+            self.tell_unasked(exchange, told, outlet);
+            return false;
+        };
+        let asked = Address::of(request.byte());
+        self.verdict.clear();
+        self.judge_request(exchange);
+        let may_be_answered =
+            crossing.is_empty() && self.may_be_empty_answer(exchange, request, end);
+        if !exchange.has_answer() {
+            self.judge_silence(exchange, request, end, may_be_answered);
         }
+        let number = self.emit_request(exchange, asked, outlet);
+        for late in crossing {
+            self.tell_late_answer(late, late.named().unwrap_or(asked), outlet);
+        }
+        if !exchange.has_answer() {
+            self.tell_stray(exchange, 1, outlet);
+        } else if end == End::Cut && exchange.footer().is_none() {
+            self.stations[asked.index()].motion.interrupt();
+            self.tell_partial(exchange, Some((number, asked)), outlet);
+        } else {
+            self.tell_response(exchange, request, number, asked, outlet);
+        }
+        may_be_answered
     }
 
     /// Whether a character right behind the last footer names the same station: then it is a
@@ -95,38 +115,29 @@ impl Ledger {
             && distance.is_some_and(Distance::is_close)
     }
 
-    /// What was lost or broken off leaves no exchange to come back to.
+    /// Whether more words may be a second answer to the last request.
+    pub const fn awaits_second_answer(&self) -> bool {
+        self.told.is_some()
+    }
+
+    /// What was lost, broken off, or long ago leaves no exchange to come back to.
     pub fn forget_last(&mut self) {
         self.told = None;
     }
 
-    fn tell_answered(
-        &mut self,
-        exchange: &Exchange,
-        request: &Character,
-        end: End<'_>,
-        outlet: &mut Outlet<'_, '_>,
-    ) {
-        let asked = Address::of(request.byte());
-        self.verdict.clear();
-        self.judge_request(exchange);
-        let number = self.emit_request(exchange, asked, outlet);
-        if end == End::Cut && exchange.footer().is_none() {
-            self.stations[asked.index()].motion.interrupt();
-            self.tell_partial(exchange, Some((number, asked)), outlet);
-            return;
+    /// The station whose late answer this is, if it is not that of the one asked: the footer names
+    /// one that was silent before. Within the window of the one asked, it must have been heard
+    /// before: else that one's footer is wrong.
+    pub fn late_station(&self, exchange: &Exchange) -> Option<Address> {
+        let request = exchange.request().filter(|request| !request.is_damaged())?;
+        let (asked, named) = (Address::of(request.byte()), exchange.named()?);
+        let station = &self.stations[named.index()];
+        if named == asked || station.silent == 0 {
+            return None;
         }
-        match self.late_station(exchange, asked) {
-            Some(late) => self.tell_late_answer(exchange, late, outlet),
-            None => self.tell_response(exchange, request, number, asked, outlet),
-        }
-    }
-
-    /// The station that was silent before and that this footer names, if it is not the one asked.
-    fn late_station(&self, exchange: &Exchange, asked: Address) -> Option<Address> {
-        let footer = exchange.footer().filter(|footer| !footer.is_damaged())?;
-        let named = Address::of(footer.byte());
-        (named != asked && self.stations[named.index()].silent > 0).then_some(named)
+        let is_in_time = Interval::between(request, exchange.first_word()?, self.wire)
+            .is_none_or(|taken| taken.may_lie_in(self.habits.of(asked).window, self.wire));
+        (station.is_heard || !is_in_time).then_some(named)
     }
 
     fn tell_response(
@@ -138,7 +149,8 @@ impl Ledger {
         outlet: &mut Outlet<'_, '_>,
     ) {
         let response = exchange.response();
-        let address = response.footer.map_or(asked, |footer| footer.address);
+        let named = response.footer.map(|footer| footer.address);
+        let address = named.unwrap_or(asked);
         let taken =
             exchange.first_word().and_then(|first| Interval::between(request, first, self.wire));
         let mut telegram = self.telegram_of(exchange);
@@ -156,7 +168,7 @@ impl Ledger {
         }
         let bit3 = response.footer.map(|footer| footer.bit3);
         self.verdict.judge_time(taken, self.habits.window(asked, bit3), self.wire);
-        self.judge_station(exchange, asked, address);
+        self.judge_station(exchange, asked, named);
         telegram.station = self.names.get(&u16::from(address.get()));
         let sound = is_sound(exchange, telegram.checksum_expected.unwrap_or_default());
         let n = outlet.emit(RESPONSE, &self.verdict, &telegram);
@@ -187,12 +199,8 @@ impl Ledger {
 
     /// What an answer says about its station: that it is there, that its silence is over, that
     /// there are two of it.
-    fn judge_station(&mut self, exchange: &Exchange, asked: Address, named: Address) {
-        let damaged = exchange.characters()[exchange.answer_begins()..]
-            .iter()
-            .zip(&exchange.parts()[exchange.answer_begins()..])
-            .filter(|(character, part)| character.is_damaged() && !is_noise(character, **part))
-            .count();
+    fn judge_station(&mut self, exchange: &Exchange, asked: Address, named: Option<Address>) {
+        let damaged = damaged_words(exchange);
         let others_are_torn = (0..)
             .zip(&self.stations)
             .any(|(address, station)| address != asked.get() && station.has_torn_answers());
@@ -205,44 +213,32 @@ impl Ledger {
                 .limit(i64::from(answers));
             self.verdict.add(doubled);
         }
-        // Where another station answered, the one that was asked is still to be heard; but damaged
-        // characters name anybody.
-        let answered = if damaged == 0 { named } else { asked };
-        let station = &mut self.stations[answered.index()];
-        if let Some(over) = station.end_silence(now) {
-            self.verdict.add(over);
+        // Without its footer, or with another's, it may be the next request and what came of that.
+        if named == Some(asked) {
+            if let Some(over) = station.end_silence(now) {
+                self.verdict.add(over);
+            }
+            station.is_heard |= damaged == 0;
         }
-        station.is_heard = true;
     }
 
-    /// Returns whether the request that came instead of an answer may be an empty answer.
-    fn tell_unanswered(
+    /// What it says that no answer came, unless the next request may be one.
+    fn judge_silence(
         &mut self,
         exchange: &Exchange,
         request: &Character,
         end: End<'_>,
-        outlet: &mut Outlet<'_, '_>,
-    ) -> bool {
-        let asked = Address::of(request.byte());
-        let may_be_answered = self.may_be_empty_answer(exchange, request, end);
-        self.verdict.clear();
-        self.judge_request(exchange);
+        may_be_answered: bool,
+    ) {
         self.signature.explain(usize::from(is_plain(request)));
-        let station = &mut self.stations[asked.index()];
+        let station = &mut self.stations[Address::of(request.byte()).index()];
         station.motion.interrupt();
         if may_be_answered {
             self.verdict.add(Finding::new(&codes::AMBIGUOUS));
-        } else if end != End::Cut && !exchange.may_be_answer {
+        } else if end != End::Cut && !exchange.may_be_answer && !request.is_damaged() {
             let asked_until = request.start.plus(self.wire.character_ns().unwrap_or_default());
-            if let Some(finding) = station.miss(asked_until) {
-                self.verdict.add(finding);
-            }
+            station.miss(asked_until, &mut self.verdict);
         }
-        self.emit_request(exchange, asked, outlet);
-        if exchange.characters().len() > 1 {
-            self.tell_stray(exchange, 1, outlet);
-        }
-        may_be_answered
     }
 
     /// With bit 3 low, `80 80` may be a request and its answer without data words, if the second
@@ -253,7 +249,8 @@ impl Ledger {
         let expectation = self.habits.of(Address::of(request.byte()));
         let in_time = Interval::between(request, next, self.wire)
             .is_none_or(|interval| interval.may_lie_in(Window::TR, self.wire));
-        same && expectation.bit3 != Some(true) && in_time && !exchange.may_be_answer
+        let is_alone = !exchange.has_answer() && !exchange.may_be_answer;
+        same && expectation.bit3 != Some(true) && in_time && is_alone
     }
 
     fn tell_unasked(
@@ -299,7 +296,7 @@ impl Ledger {
         if let Some(over) = station.end_silence(start) {
             self.verdict.add(over);
         }
-        station.is_heard = true;
+        station.is_heard |= damaged_words(exchange) == 0;
         station.motion.interrupt();
         telegram.station = self.names.get(&u16::from(address.get()));
         outlet.emit(RESPONSE, &self.verdict, &telegram);
@@ -332,6 +329,9 @@ impl Ledger {
     /// Characters from `from` on belong to nobody.
     fn tell_stray(&mut self, exchange: &Exchange, from: usize, outlet: &mut Outlet<'_, '_>) {
         let characters = from..exchange.characters().len();
+        if characters.is_empty() {
+            return;
+        }
         let telegram = Telegram {
             parts: &NOBODYS[..characters.len()],
             characters: &exchange.characters()[characters],
@@ -377,7 +377,7 @@ impl Ledger {
         outlet: &mut Outlet<'_, '_>,
     ) {
         let finding = Finding::new(&codes::POSITION_JUMP)
-            .expected(jump.expected)
+            .expected(i64::from(jump.expected))
             .actual(i64::from(jump.position));
         let last = exchange.last().copied();
         let station = Some(u16::from(address.get()));
@@ -451,4 +451,11 @@ impl Ledger {
 /// Whether a character is a request without any oddity.
 fn is_plain(request: &Character) -> bool {
     request.byte() & 0xF8 == 0x80 && !request.is_damaged()
+}
+
+/// Damaged characters of the answer, noise left out.
+fn damaged_words(exchange: &Exchange) -> usize {
+    let from = exchange.answer_begins();
+    let words = exchange.characters()[from..].iter().zip(&exchange.parts()[from..]);
+    words.filter(|(character, part)| character.is_damaged() && !is_noise(character, **part)).count()
 }

@@ -29,7 +29,7 @@ pub struct Jump {
     /// The position.
     pub position: u32,
     /// Where it would have been, had the step before it been repeated.
-    pub expected: i64,
+    pub expected: u32,
 }
 
 /// The recent positions of one station.
@@ -84,7 +84,7 @@ impl Motion {
         if !is_return && self.stands_out(step - before, step - after) {
             self.spoilt = 2;
             self.returns = true;
-            let expected = i64::from(second.position) + before;
+            let expected = self.on_circle(i64::from(second.position) + before);
             return Some(Jump { record: candidate.record, position: candidate.position, expected });
         }
         self.remember(step - before);
@@ -93,9 +93,18 @@ impl Motion {
 
     /// The way from one position to the next, over the shorter side of the circle.
     fn step(&self, from: u32, to: u32) -> i64 {
-        let circle = self.resolution.map_or(self.shown, i64::from);
-        let half = circle / 2;
-        (i64::from(to) - i64::from(from) + half).rem_euclid(circle) - half
+        let half = self.circle() / 2;
+        (i64::from(to) - i64::from(from) + half).rem_euclid(self.circle()) - half
+    }
+
+    /// Number of positions of a whole circle.
+    fn circle(&self) -> i64 {
+        self.resolution.map_or(self.shown, i64::from)
+    }
+
+    /// The position that a way from position 0 leads to.
+    fn on_circle(&self, way: i64) -> u32 {
+        u32::try_from(way.rem_euclid(self.circle())).unwrap_or_default()
     }
 
     fn stands_out(&self, from_before: i64, from_after: i64) -> bool {
@@ -142,6 +151,17 @@ mod tests {
         positions[20] += 4096;
         let expected = Jump { record: 20, position: 5_400 + 4_096, expected: 5_400 };
         assert_eq!(jumps(&positions, None), [expected]);
+    }
+
+    #[test]
+    fn what_was_expected_is_a_position() {
+        // Down 30 a telegram, 400 to 10 and on at 8172 on a circle of 8192; in between, where 8172
+        // is due, 5000. The largest position before it makes the circle of what was shown.
+        let mut positions: Vec<u32> = (0..14).map(|n| 400 - 30 * n).collect();
+        positions.extend([5_000, 8_142, 8_112]);
+        let jump = |expected| Jump { record: 14, position: 5_000, expected };
+        assert_eq!(jumps(&positions, Some(8_192)), [jump(8_172)]);
+        assert_eq!(jumps(&positions, None), [jump(8_172)]);
     }
 
     #[test]

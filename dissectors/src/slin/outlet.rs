@@ -20,8 +20,9 @@ impl Outlet<'_, '_> {
     pub fn emit(&mut self, kind: &'static str, verdict: &Verdict, telegram: &Telegram<'_>) -> u64 {
         let mut record = Record::new(&PROTOCOL, kind, (self.bus, self.wire), telegram)
             .of_characters(telegram.characters);
-        record.station = telegram.address.map(|address| u16::from(address.get()));
+        record.station = telegram.whose().map(|address| u16::from(address.get()));
         record.findings = &verdict.findings;
+        record.ongoing = &verdict.ongoing;
         record.withheld = &verdict.withheld;
         record.duration = self.duration(telegram.characters);
         record.turn = match kind {

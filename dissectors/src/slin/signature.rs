@@ -24,6 +24,13 @@ pub struct Signature {
     other_requests: u64,
     /// The last bytes, the newest in the low eight bits.
     last_bytes: u64,
+    /// Control words: bytes with bit 7.
+    control_words: u64,
+    /// Those that name the same address as the one before, with other bytes in between: footers,
+    /// whatever bit 3 and the checksum should be.
+    alike: u64,
+    last_control: Option<u8>,
+    has_data: bool,
 }
 
 impl Signature {
@@ -33,6 +40,20 @@ impl Signature {
         self.damaged += u64::from(is_damaged);
         self.last_bytes = self.last_bytes << 8 | u64::from(byte);
         self.other_requests += u64::from(self.last_bytes & BUT_ITS_ADDRESS == OTHER_REQUEST);
+        if byte & 0x80 == 0 {
+            self.has_data = true;
+            return;
+        }
+        let is_alike = self.last_control.is_some_and(|last| last & 7 == byte & 7);
+        self.control_words += 1;
+        self.alike += u64::from(is_alike && self.has_data);
+        (self.last_control, self.has_data) = (Some(byte), false);
+    }
+
+    /// Whether it looks like SLIN, be it with other settings than those it was read with: of every
+    /// four control words one at least is a footer. By chance it would be one of sixteen.
+    const fn looks_like_slin(&self) -> bool {
+        self.alike > 0 && self.alike * 4 >= self.control_words
     }
 
     /// So many characters turned out to be a plain request or an answer to one.
@@ -67,15 +88,17 @@ impl Signature {
     /// explains a lack of exchanges.
     #[must_use]
     pub fn verdict(&self, is_set_up_wrong: bool) -> Option<Finding> {
+        let not_slin = Finding::new(&codes::NOT_SLIN).limit(self.characters.cast_signed());
         if let Some(requests) = self.other_protocol() {
-            return Some(Finding::new(&codes::NOT_SLIN).actual(requests.cast_signed()));
+            return Some(not_slin.actual(requests.cast_signed()));
         }
         let is_foreign = !is_set_up_wrong
             && self.complete == 0
+            && !self.looks_like_slin()
             && self.characters >= ENOUGH
             && self.explained * 2 < self.characters
             && self.damaged * 2 < self.characters;
-        is_foreign.then(|| Finding::new(&codes::NOT_SLIN).limit(self.characters.cast_signed()))
+        is_foreign.then_some(not_slin)
     }
 }
 
@@ -93,7 +116,23 @@ mod tests {
         signature.explain(3);
         signature.complete();
         assert_eq!(signature.speaks_for_slin(), None);
-        assert_eq!(signature.verdict(false).and_then(|finding| finding.actual), Some(1));
+        let finding = signature.verdict(false).unwrap();
+        assert_eq!(
+            (finding.actual, finding.limit),
+            (Some(1), Some(13)),
+            "1 request in 13 characters"
+        );
+    }
+
+    #[test]
+    fn slin_read_with_another_profile_is_still_slin() {
+        let mut signature = Signature::default();
+        for address in [0, 1, 2, 3].repeat(4) {
+            for byte in [0x80 | address, 0x1A, 0x01, 0x90 | address] {
+                signature.hear(byte, false);
+            }
+        }
+        assert_eq!(signature.verdict(false), None);
     }
 
     #[test]

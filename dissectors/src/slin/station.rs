@@ -1,6 +1,7 @@
 //! What is remembered of one encoder.
 
 use super::codes;
+use super::judge::Verdict;
 use super::motion::Motion;
 use crate::event::Moment;
 use crate::finding::{Finding, State};
@@ -78,21 +79,25 @@ impl Station {
         Some((torn, self.answers))
     }
 
-    /// A request was not answered. Tells it unless it was told often enough.
-    pub fn miss(&mut self, asked_until: Moment) -> Option<Finding> {
+    /// A request was not answered. Tells it, or that the silence goes on.
+    pub fn miss(&mut self, asked_until: Moment, verdict: &mut Verdict) {
         self.silent = self.silent.saturating_add(1);
         if self.silent == 1 {
             self.silent_since = asked_until;
         }
         if !self.is_heard {
-            let is_first = !core::mem::replace(&mut self.is_told_unheard, true);
-            return is_first.then(|| Finding::new(&codes::NEVER_ANSWERED));
+            if !core::mem::replace(&mut self.is_told_unheard, true) {
+                verdict.add(Finding::new(&codes::NEVER_ANSWERED));
+            }
+            return;
         }
         let finding = Finding::new(&codes::NO_RESPONSE);
         match self.silent {
-            1..SILENT_IN_A_ROW => Some(finding),
-            SILENT_IN_A_ROW => Some(finding.actual(i64::from(self.silent)).state(State::Begin)),
-            _ => None,
+            ..SILENT_IN_A_ROW => verdict.add(finding),
+            SILENT_IN_A_ROW => {
+                verdict.add(finding.actual(i64::from(self.silent)).state(State::Begin));
+            }
+            _ => verdict.ongoing.push(&codes::NO_RESPONSE),
         }
     }
 

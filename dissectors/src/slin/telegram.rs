@@ -147,7 +147,7 @@ impl Telegram<'_> {
     }
 
     fn angle(&self) -> Option<f64> {
-        Some(self.station?.resolution?.angle(self.position?))
+        self.station?.resolution?.angle(self.position?)
     }
 
     fn name(&self) -> Option<&str> {
@@ -179,6 +179,10 @@ impl Telegram<'_> {
                 None => write!(out, " = {angle:.3}°")?,
             }
         }
+        let resolution = self.station.and_then(|station| station.resolution);
+        if self.position.zip(resolution).is_some_and(|(position, bits)| !bits.has(position)) {
+            write!(out, " (more bits than --stations says)")?;
+        }
         match self.response_time {
             Some(ns) => write!(out, " in {}", Span(ns)),
             None => Ok(()),
@@ -188,6 +192,18 @@ impl Telegram<'_> {
     fn summarize_characters(&self, what: &str, out: &mut dyn fmt::Write) -> fmt::Result {
         let count = self.characters.len();
         write!(out, "{count} {what}{}", if count == 1 { "" } else { "s" })
+    }
+}
+
+impl Telegram<'_> {
+    /// Whose record it is: a footer that was damaged names nobody.
+    pub fn whose(&self) -> Option<Address> {
+        let is_damaged = |(part, character): (&Part, &Character)| {
+            *part == Part::Footer && character.is_damaged()
+        };
+        let asked = self.request.map(|(_, address)| address);
+        let is_torn = self.parts.iter().zip(self.characters).any(is_damaged);
+        asked.filter(|_| is_torn).or(self.address)
     }
 }
 

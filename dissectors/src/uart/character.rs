@@ -36,6 +36,29 @@ const PARITY: u8 = 0b0000_0111;
 const FRAMING_ERROR: u8 = 0b0000_1000;
 const INTERPOLATED: u8 = 0b0001_0000;
 
+/// What an adapter marks when it sees a parity error.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ParityMarks {
+    /// The character.
+    Character,
+    /// Every character that came in the same packet.
+    Packet,
+    /// Nothing: parity is not known.
+    None,
+}
+
+impl ParityMarks {
+    /// The word that captures carry.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            ParityMarks::Character => "character",
+            ParityMarks::Packet => "packet",
+            ParityMarks::None => "none",
+        }
+    }
+}
+
 /// A character: its data bits, when its start bit began, and what was wrong with it. Sixteen
 /// bytes, so that millions of them pass quickly.
 #[derive(Clone, Copy, PartialEq, Eq)]

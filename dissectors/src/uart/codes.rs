@@ -161,10 +161,13 @@ pub static WRONG_RATE: Code = Code {
         "let it be found: --baud auto, or try 115200, 19200, 9600 and 345594",
         "read the rate from the encoders' type plates and from the master's configuration",
     ],
-    cure: Cure { one: "--baud auto", all: "--baud auto" },
+    cure: Cure {
+        one: "set the rate of the tap, or --baud auto for line captures",
+        all: "set the rate of the tap, or --baud auto for line captures",
+    },
     say: |finding, record, out| match (finding.expected, record.wire.baud()) {
         (Some(found), Some(set)) => {
-            write!(out, "read at {set} Bd, but the pulses are those of {found} Bd")
+            write!(out, "read at {set} Bd, but the line runs at {found} Bd")
         }
         _ => write!(
             out,
@@ -191,7 +194,10 @@ pub static WRONG_PARITY: Code = Code {
         "set the tap to 8E1, or let it be found: --frame auto",
         "if the line really has odd parity, this is not a SLIN bus as the manuals describe it",
     ],
-    cure: Cure { one: "--frame auto; SLIN is 8E1", all: "--frame auto; SLIN is 8E1" },
+    cure: Cure {
+        one: "set the tap to 8E1, or --frame auto for line captures",
+        all: "set the tap to 8E1, or --frame auto for line captures",
+    },
     say: |finding, record, out| match finding.limit {
         Some(all) => write!(
             out,

@@ -1,8 +1,8 @@
 //! A second opinion on settings that the user gave: whether the line itself says otherwise.
 
 use super::find::{Found, find, fits};
-use super::receiver::Edges;
 use super::{Baud, LineSettings, codes};
+use crate::edges::Edges;
 use crate::finding::{Code, Finding};
 
 /// Share of characters with their stop bits that makes an opinion worth having, in percent.
@@ -16,6 +16,19 @@ const ENOUGH: usize = 16;
 
 /// Rates that differ by more are different, in percent.
 const SAME_RATE: u64 = 3;
+
+impl Baud {
+    /// What is wrong with a rate that the user set, where the source tells this one.
+    pub(crate) fn doubt(self, set: Baud) -> Option<Finding> {
+        let finding = Finding::new(&codes::WRONG_RATE).expected(i64::from(self.get()));
+        self.differs_from(set).then_some(finding)
+    }
+
+    fn differs_from(self, set: Baud) -> bool {
+        let (set, found) = (u64::from(set.get()), u64::from(self.get()));
+        set.abs_diff(found) * 100 > found * SAME_RATE
+    }
+}
 
 /// What is wrong with the settings that were given, if another reading of the same levels is far
 /// better than the one that is `used`.
@@ -44,13 +57,9 @@ pub(super) fn doubt(
 
 /// Which of the given settings the line contradicts.
 fn what_differs(given: LineSettings, own: &Found) -> Option<&'static Code> {
-    let is_other_rate = |set: &Baud| {
-        let (set, found) = (u64::from(set.get()), u64::from(own.baud.get()));
-        set.abs_diff(found) * 100 > found * SAME_RATE
-    };
     if given.inverted.is_some_and(|inverted| inverted != own.is_inverted) {
         Some(&codes::SWAPPED_LINES)
-    } else if given.baud.is_some_and(|set| is_other_rate(&set)) {
+    } else if given.baud.is_some_and(|set| own.baud.differs_from(set)) {
         Some(&codes::WRONG_RATE)
     } else if given.format.is_some_and(|format| format != own.format) {
         Some(&codes::WRONG_PARITY)

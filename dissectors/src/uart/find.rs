@@ -5,10 +5,10 @@
 //! leaves stop bits in place; what its last bit is follows from whether it fits the others.
 
 use super::rate::RATES;
-use super::receiver::Edges;
 use super::sampler::{Read, Sampler};
 use super::settle::settle;
 use super::{Baud, Format, LineSettings, ParityRule};
+use crate::edges::{Edges, shortest_pulses};
 use alloc::{format, string::String, vec::Vec};
 
 /// Share of pulses that must be whole multiples of a bit, in percent.
@@ -144,7 +144,7 @@ pub(super) fn fits(ticks: &[u64], bit: f64) -> bool {
     }
     let (kept, glitches) = without_glitches(ticks, bit);
     let (mut inside, mut fitting) = (0, 0);
-    for pulse in kept.windows(2).map(|pair| (pair[1] - pair[0]) as f64) {
+    for pulse in kept.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64) {
         let bits = pulse / bit;
         if bits >= 12.0 {
             continue;
@@ -164,7 +164,7 @@ fn without_glitches(ticks: &[u64], bit: f64) -> (Vec<u64>, usize) {
         let mut passed: Vec<u64> = Vec::with_capacity(kept.len());
         for tick in kept {
             match passed.last() {
-                Some(before) if ((tick - before) as f64) < bit / share => {
+                Some(before) if (tick.saturating_sub(*before) as f64) < bit / share => {
                     passed.pop();
                 }
                 _ => passed.push(tick),
@@ -174,29 +174,6 @@ fn without_glitches(ticks: &[u64], bit: f64) -> (Vec<u64>, usize) {
     }
     let glitches = (ticks.len() - kept.len()) / 2;
     (kept, glitches)
-}
-
-/// What a bit may last, if the shortest pulses are one, two or three bits long.
-fn shortest_pulses(ticks: &[u64]) -> Vec<f64> {
-    let pulses: Vec<f64> = ticks.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
-    let mut sorted = pulses.clone();
-    sorted.sort_by(f64::total_cmp);
-    let Some(short) = sorted.get(sorted.len() / 50).copied() else { return Vec::new() };
-    let refine = |bits: f64| {
-        let mut bit = short / bits;
-        for _ in 0..4 {
-            let inside = pulses.iter().filter(|pulse| **pulse < 9.5 * bit);
-            let (length, count) = inside.fold((0.0, 0.0), |(length, count), pulse| {
-                let whole = ((pulse / bit + 0.5) as u32).max(1);
-                (length + pulse, count + f64::from(whole))
-            });
-            if count > 0.0 {
-                bit = length / count;
-            }
-        }
-        bit
-    };
-    [1.0, 2.0, 3.0].into_iter().map(refine).collect()
 }
 
 fn try_setting(

@@ -2,21 +2,15 @@
 
 use super::doubt::doubt;
 use super::find::find;
-use super::receiver::{Edges, Receiver};
+use super::receiver::Receiver;
 use super::sampler::Sampler;
 use super::{Baud, Format, LineSettings, Wire};
 use crate::bus::Sampling;
+use crate::edges::Edges;
 use crate::event::{Event, Levels};
 use crate::finding::Finding;
 use crate::protocol::Conclusion;
 use alloc::{string::String, string::ToString, vec::Vec};
-
-/// Edges that are held back at most to find rate, format and polarity: those of about 256
-/// characters, plus some.
-const HELD_EDGES: usize = 2048;
-
-/// How long edges are held back at most, in s.
-const HELD_SECONDS: u64 = 2;
 
 /// The rate to go on with where none was found.
 const USUAL_RATE: u32 = 115_200;
@@ -54,7 +48,7 @@ impl Line {
             doubt: None,
         };
         if let LineSettings { baud: Some(baud), format: Some(format), inverted: Some(_) } = given {
-            line.receive_as(baud, format);
+            line.receive_as(baud, format, 0);
         }
         line
     }
@@ -106,20 +100,14 @@ impl Line {
             Stage::Finding(held) => held.add(levels),
         }
         if let Stage::Finding(held) = &self.stage
-            && self.is_enough(held)
+            && held.is_enough(self.sampling.ticks_per_second)
         {
             self.find_out(false, emit);
         }
-        if self.to_check.as_ref().is_some_and(|first| self.is_enough(first)) {
+        let rate = self.sampling.ticks_per_second;
+        if self.to_check.as_ref().is_some_and(|first| first.is_enough(rate)) {
             self.check();
         }
-    }
-
-    /// Whether these are enough edges to find something out, or have taken long enough.
-    fn is_enough(&self, edges: &Edges) -> bool {
-        let first = edges.ticks.first().copied().unwrap_or(edges.until);
-        let time = edges.until.saturating_sub(first) / self.sampling.ticks_per_second.max(1);
-        edges.ticks.len() >= HELD_EDGES || time >= HELD_SECONDS
     }
 
     /// Holds the settings against what the line says itself.
@@ -144,6 +132,17 @@ impl Line {
         self.check();
         if let Stage::Receiving { receiver, wire } = &mut self.stage {
             receiver.end(&mut |event| emit(*wire, event));
+        }
+    }
+
+    /// Another capture of the same line begins, after [`Line::end`]: what was found out holds on.
+    pub fn go_on(&mut self, sampling: Sampling) {
+        self.sampling = sampling;
+        let glitches = self.glitches();
+        if let Some((baud, format)) =
+            self.wire().and_then(|wire| Some((wire.baud()?, wire.format())))
+        {
+            self.receive_as(baud, format, glitches);
         }
     }
 
@@ -174,7 +173,7 @@ impl Line {
             }
         }
         if let Some(baud) = baud {
-            self.receive_as(baud, format.unwrap_or(Format::FT12));
+            self.receive_as(baud, format.unwrap_or(Format::FT12), 0);
         }
         if let Stage::Receiving { receiver, wire } = &mut self.stage {
             receiver.take(held);
@@ -182,10 +181,11 @@ impl Line {
         }
     }
 
-    fn receive_as(&mut self, baud: Baud, format: Format) {
+    fn receive_as(&mut self, baud: Baud, format: Format, glitches: u64) {
         let bit = self.sampling.ticks_per_second as f64 / f64::from(baud.get());
         let sampler = Sampler::new(bit, format);
-        let receiver = Receiver::new(sampler, format, self.is_inverted, self.sampling);
+        let mut receiver = Receiver::new(sampler, format, self.is_inverted, self.sampling);
+        receiver.glitches = glitches;
         self.stage = Stage::Receiving { receiver, wire: Wire::new(Some(baud), format) };
     }
 }

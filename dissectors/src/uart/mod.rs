@@ -14,7 +14,7 @@ mod sampler;
 mod settle;
 mod setup;
 
-pub use character::{Character, Parity};
+pub use character::{Character, Parity, ParityMarks};
 pub use codes::{
     BREAK, CODES, FRAMING, LOST, OVERRUN, SETUP_CODES, SWAPPED_LINES, WRONG_PARITY, WRONG_RATE,
 };

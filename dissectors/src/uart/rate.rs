@@ -25,18 +25,17 @@ pub(crate) fn baud_from_spacing(
     characters: &[Character],
     format: Format,
 ) -> Option<(Baud, String)> {
-    let spacings: Vec<i64> = characters
-        .windows(2)
-        .filter_map(|pair| pair[1].start.since(pair[0].start))
-        .filter(|ns| (1..LONGEST_NS).contains(ns))
-        .collect();
-    let coarse = characters.iter().map(|character| i64::from(character.uncertainty)).max()?;
-    let smallest = spacings.iter().copied().min()?;
-    if coarse * 2 > smallest / 10 {
+    let pairs: Vec<Pair> = characters.windows(2).filter_map(Pair::of).collect();
+    let clear: Vec<&Pair> = pairs.iter().filter(|pair| pair.is_clear()).collect();
+    // A coarse stamp or two tell nothing; a coarse clock hides the closest characters.
+    if (pairs.len() - clear.len()) * 10 > pairs.len() {
         return None;
     }
+    let coarse = clear.iter().map(|pair| pair.uncertainty).max()?;
+    let spacings: Vec<i64> = clear.iter().map(|pair| pair.ns).collect();
+    let smallest = spacings.iter().copied().min()?;
     let near = |target: i64| {
-        let off = target * TOLERANCE / 100 + 2 * coarse;
+        let off = target * TOLERANCE / 100 + coarse;
         move |ns: &&i64| (**ns - target).abs() <= off
     };
     let fits = |rate: &u32| {
@@ -53,11 +52,38 @@ pub(crate) fn baud_from_spacing(
         let closest: Vec<i64> = spacings.iter().filter(near(smallest)).copied().collect();
         let mean = closest.iter().sum::<i64>() / i64::try_from(closest.len()).ok()?;
         let rate = i64::from(format.bits()) * 1_000_000_000 / mean.max(1);
-        let is_common = closest.len() >= 3 && closest.len() * 5 >= spacings.len();
+        // Requests that nobody answers come at any pace, which is not the rate.
+        let is_data = clear.iter().any(|pair| pair.has_data && near(smallest)(&&pair.ns));
+        let is_common = is_data && closest.len() >= 3 && closest.len() * 5 >= spacings.len();
         is_common.then_some((Baud::new(u32::try_from(rate).ok()?)?, closest.len()))
     })?;
     let all = spacings.len();
     Some((baud, format!("{count} of {all} characters follow the one before without a pause")))
+}
+
+/// Two characters, one after the other.
+struct Pair {
+    /// From start to start.
+    ns: i64,
+    /// ± of that.
+    uncertainty: i64,
+    /// One of them is no control word.
+    has_data: bool,
+}
+
+impl Pair {
+    fn of(characters: &[Character]) -> Option<Pair> {
+        let [first, second] = characters else { return None };
+        let ns = second.start.since(first.start)?;
+        let uncertainty = i64::from(first.uncertainty) + i64::from(second.uncertainty);
+        let has_data = first.byte() < 0x80 || second.byte() < 0x80;
+        (1..LONGEST_NS).contains(&ns).then_some(Pair { ns, uncertainty, has_data })
+    }
+
+    /// Whether the clock is fine enough to tell how far apart they are.
+    fn is_clear(&self) -> bool {
+        self.uncertainty <= self.ns / 10
+    }
 }
 
 #[cfg(test)]
@@ -101,6 +127,26 @@ mod tests {
             starts.extend([n * 3_000_000, n * 3_000_000 + 145_000 + n * 21_000]);
         }
         assert_eq!(found(&starts, 1), None);
+    }
+
+    #[test]
+    fn requests_that_nobody_answers_tell_no_rate() {
+        let requests =
+            |n: i64| Character::new(Moment::from_ns(n * 10_000_000), 1, 0x80, Parity::Ok);
+        let characters: Vec<Character> = (0..40).map(requests).collect();
+        assert_eq!(baud_from_spacing(&characters, Format::FT12), None);
+    }
+
+    #[test]
+    fn one_coarse_stamp_does_not_hide_the_rate() {
+        // The first stamp has no decimals; the others follow at 115200 Bd.
+        let character = |n: i64| {
+            let coarse = if n == 0 { 1_000_000_000 } else { 1 };
+            Character::new(Moment::from_ns(n * 95_486), coarse, 0x1A, Parity::Ok)
+        };
+        let characters: Vec<Character> = (0..20).map(character).collect();
+        let found = baud_from_spacing(&characters, Format::FT12);
+        assert_eq!(found.map(|(baud, _)| baud.get()), Some(115_200));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::sampler::{Read, Sampler, with_parity};
 use super::settle::settle;
 use super::{Character, Format, Parity};
 use crate::bus::Sampling;
+use crate::edges::Edges;
 use crate::event::{Break, Event, Levels};
 use alloc::vec::Vec;
 
@@ -13,39 +14,6 @@ const SETTLE_FRAMES: f64 = 34.0;
 /// Edges that are held at most while a character is not over: a line that toggles faster carries
 /// no characters.
 const MOST_EDGES: usize = 1 << 16;
-
-/// Level changes that were not used yet.
-#[derive(Clone, Default, Debug)]
-pub(super) struct Edges {
-    /// Their ticks.
-    pub ticks: Vec<u64>,
-    /// The level before the first of them.
-    pub level: bool,
-    /// The line is known from this tick on.
-    pub from: u64,
-    /// The line is known before this tick.
-    pub until: u64,
-}
-
-impl Edges {
-    /// Adds a piece of line.
-    pub fn add(&mut self, levels: &Levels<'_>) {
-        if self.ticks.is_empty() {
-            self.level = levels.level;
-        }
-        if self.until == 0 {
-            self.from = levels.from;
-        }
-        self.ticks.extend_from_slice(levels.edges);
-        self.until = self.until.max(levels.until);
-    }
-
-    /// The index of the first falling edge, for a line whose idle level is high, or low if
-    /// inverted.
-    pub fn first_falling(&self, is_inverted: bool) -> usize {
-        usize::from(self.level == is_inverted)
-    }
-}
 
 /// Turns levels into characters, once rate, format and polarity are known.
 #[derive(Clone, Debug)]

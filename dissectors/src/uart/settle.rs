@@ -6,8 +6,8 @@
 //! character that is joined to the next; what stands alone before it may be the rest of one that
 //! was cut. No character is invented.
 
-use super::receiver::Edges;
 use super::sampler::{Read, Sampler};
+use crate::edges::Edges;
 use alloc::vec::Vec;
 use core::ops::Range;
 

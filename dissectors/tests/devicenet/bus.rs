@@ -87,7 +87,8 @@ fn shown(value: Value<'_>) -> Option<String> {
             let items: Vec<String> = (0..list.len()).filter_map(|it| shown(list.get(it))).collect();
             items.join(" ")
         }
-        Value::Float(_) | Value::Byte(_) | Value::Rows(_) => unreachable!(),
+        Value::Float(value) => value.to_string(),
+        Value::Byte(_) | Value::Rows(_) => unreachable!(),
     })
 }
 
@@ -124,7 +125,7 @@ pub fn script(lines: &[(f64, &str)]) -> Vec<Heard> {
 pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
     let mut recorder = Recorder::default();
     let mut number = 0;
-    let info = BusInfo { name: "can0".to_owned(), clock: Some(Clock::Kernel) };
+    let info = BusInfo::new("can0", Some(Clock::Kernel));
     let facts = WireFacts { baud: Baud::new(125_000), ..WireFacts::default() };
     let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
     let mut bus = Bus::new(info, facts, settings);

@@ -19,9 +19,13 @@ use pcap_file::pcapng::blocks::interface_statistics::{
 use pcap_file::pcapng::blocks::opt_common::CommonOption;
 use pcap_file::pcapng::blocks::section_header::{SectionHeaderBlock, SectionHeaderOption};
 use std::borrow::Cow;
+use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
 use std::io::{self, Write};
 use std::time::Duration;
+
+/// Comments that may wait for a record on their bus.
+const MOST_KEPT: usize = 1024;
 
 /// Longest comment that an option can hold.
 const LONGEST_COMMENT: usize = 65_535;
@@ -30,8 +34,8 @@ const LONGEST_COMMENT: usize = 65_535;
 pub struct PcapNg<W: Write> {
     writer: PcapNgWriter<W>,
     interfaces: Vec<Interface>,
-    /// Comments of others: the bus, the time of what they are about, and the text.
-    kept: Vec<(String, Moment, String)>,
+    /// Comments of others by bus: the time of what they are about, and the text.
+    kept: BTreeMap<String, VecDeque<(Moment, String)>>,
     result: io::Result<()>,
     data: Vec<u8>,
 }
@@ -42,7 +46,7 @@ struct Interface {
     last: Moment,
     /// Comments of events, for the next block.
     pending: Vec<String>,
-    /// Frames lost before the next block.
+    /// Frames lost before the next block; `u64::MAX` where nobody counted them.
     dropped: u64,
 }
 
@@ -54,6 +58,14 @@ struct Block {
     comments: Vec<String>,
     /// Direction and more, as the format defines them.
     flags: Option<u32>,
+    /// Bytes that the capture does not have.
+    missing: usize,
+}
+
+impl Block {
+    fn at(start: Moment, comments: Vec<String>) -> Self {
+        Block { start, last: start, comments, flags: None, missing: 0 }
+    }
 }
 
 impl<W: Write> PcapNg<W> {
@@ -71,7 +83,7 @@ impl<W: Write> PcapNg<W> {
         Ok(PcapNg {
             writer,
             interfaces: Vec::new(),
-            kept: Vec::new(),
+            kept: BTreeMap::new(),
             result: Ok(()),
             data: Vec::new(),
         })
@@ -86,33 +98,34 @@ impl<W: Write> PcapNg<W> {
         match record.heard {
             Heard::Nothing => self.interfaces[interface].pending.extend(comments),
             Heard::Characters(characters) => {
+                serial::check(characters, record.bus)?;
                 for run in serial::runs(characters, record.wire) {
                     let last = run.last().map_or(Moment::UNKNOWN, |character| character.start);
                     let comments = std::mem::take(&mut comments);
-                    let block = Block { start: run[0].start, last, comments, flags: None };
+                    let block = Block { last, ..Block::at(run[0].start, comments) };
                     serial::compose(run, &mut self.data);
                     self.write_block(interface, block)?;
                 }
             }
             Heard::Frame(frame) => {
-                let flags = can::flags(frame);
-                let block = Block { start: frame.start, last: frame.start, comments, flags };
+                let (flags, missing) = (can::flags(frame), can::missing(frame));
+                let block = Block { flags, missing, ..Block::at(frame.start, comments) };
                 can::compose(frame, &mut self.data);
                 self.write_block(interface, block)?;
             }
             Heard::Break(Break { start, .. }) => {
                 serial::compose_event(start, serial::BREAK, &mut self.data);
-                self.write_block(interface, Block { start, last: start, comments, flags: None })?;
+                self.write_block(interface, Block::at(start, comments))?;
             }
             Heard::Lost(loss) => {
-                self.interfaces[interface].dropped += loss.count.unwrap_or(0);
                 if record.protocol.medium == Medium::Can {
-                    self.interfaces[interface].pending.extend(comments);
+                    let at = &mut self.interfaces[interface];
+                    at.dropped = at.dropped.saturating_add(loss.count.unwrap_or(u64::MAX));
+                    at.pending.extend(comments);
                 } else {
                     let start = loss.start;
                     serial::compose_event(start, serial::event_of(loss.cause), &mut self.data);
-                    let block = Block { start, last: start, comments, flags: None };
-                    self.write_block(interface, block)?;
+                    self.write_block(interface, Block::at(start, comments))?;
                 }
             }
         }
@@ -156,12 +169,18 @@ impl<W: Write> PcapNg<W> {
 
     /// Writes a block with the bytes that were composed.
     fn write_block(&mut self, interface: usize, block: Block) -> io::Result<()> {
-        let Block { start, last, comments, flags } = block;
+        let Block { start, last, comments, flags, missing } = block;
         let at = &mut self.interfaces[interface];
         at.last = last;
-        let is_due =
-            |(bus, time, _): &mut (String, Moment, String)| *bus == at.name && !time.is_after(last);
-        let kept = self.kept.extract_if(.., is_due).map(|(_, _, text)| text);
+        if start.ns().is_some_and(|ns| ns < 0) {
+            let what =
+                "times before the start of 1970, which pcapng does not know: write CSV or JSON";
+            return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+        }
+        let kept = self.kept.get_mut(&at.name).into_iter().flat_map(|kept| {
+            std::iter::from_fn(|| kept.pop_front_if(|(time, _)| !time.is_after(last)))
+        });
+        let kept = kept.map(|(_, text)| text);
         let pending: Vec<String> = at.pending.drain(..).collect();
         let all = comments.into_iter().chain(pending).chain(kept);
         let mut options: Vec<EnhancedPacketOption<'_>> = all
@@ -175,7 +194,7 @@ impl<W: Write> PcapNg<W> {
         let block = EnhancedPacketBlock {
             interface_id: u32::try_from(interface).unwrap_or(u32::MAX),
             timestamp: duration(start),
-            original_len: u32::try_from(self.data.len()).unwrap_or(u32::MAX),
+            original_len: u32::try_from(self.data.len() + missing).unwrap_or(u32::MAX),
             data: Cow::Borrowed(&self.data),
             options,
         };
@@ -186,13 +205,16 @@ impl<W: Write> PcapNg<W> {
     fn write_end(&mut self, interface: usize, end: Moment) -> io::Result<()> {
         let at = &mut self.interfaces[interface];
         let end = if end.is_known() { end } else { at.last };
-        let kept = self.kept.extract_if(.., |(bus, _, _)| *bus == at.name).map(|(_, _, text)| text);
+        let kept = self.kept.remove(&at.name).into_iter().flatten().map(|(_, text)| text);
         let comments = at.pending.drain(..).chain(kept).map(|text| {
             InterfaceStatisticsOption::Common(CommonOption::Comment(Cow::Owned(clamped(text))))
         });
         let end = duration(end);
         let mut options = vec![InterfaceStatisticsOption::IsbEndTime(end)];
         options.extend(comments);
+        // Those lost behind the last frame have no block.
+        let dropped = Some(at.dropped).filter(|count| (1..u64::MAX).contains(count));
+        options.extend(dropped.map(InterfaceStatisticsOption::IsbIfDrop));
         let interface_id = u32::try_from(interface).unwrap_or(u32::MAX);
         let block = InterfaceStatisticsBlock { interface_id, timestamp: end, options };
         self.writer.write_pcapng_block(block).map_err(io_error)?;
@@ -210,7 +232,14 @@ impl<W: Write> Sink for PcapNg<W> {
 
 impl<W: Write> Export for PcapNg<W> {
     fn comment(&mut self, bus: &BusInfo, time: Moment, text: &str) {
-        self.kept.push((bus.name.clone(), time, text.to_owned()));
+        let kept = match self.kept.get_mut(&bus.name) {
+            Some(kept) => kept,
+            None => self.kept.entry(bus.name.clone()).or_default(),
+        };
+        // They wait for records that held characters back, which is not long.
+        if kept.len() < MOST_KEPT {
+            kept.push_back((time, text.to_owned()));
+        }
     }
 
     fn end(&mut self, bus: &BusInfo, end: Moment) {

@@ -6,8 +6,8 @@
 
 use super::duration;
 use dissectors::event::{LossCause, Moment};
-use dissectors::record::Record;
-use dissectors::uart::{Character, Parity, Wire};
+use dissectors::record::{BusInfo, Record};
+use dissectors::uart::{Character, Parity, ParityMarks, Wire};
 use std::io;
 
 /// Events of the RTAC header.
@@ -34,11 +34,30 @@ pub fn note(record: &Record<'_>) -> io::Result<String> {
         return Err(io::Error::new(io::ErrorKind::Unsupported, what));
     }
     let parity = match record.characters().first().map(Character::parity) {
-        Some(Parity::Unknown | Parity::None) => "none",
-        Some(Parity::Suspect) => "packet",
-        _ => "character",
+        Some(Parity::None) => ParityMarks::None.name(),
+        _ => record.bus.parity.name(),
     };
     Ok(format!(" parity={parity} format={format}"))
+}
+
+/// Checks that the interface can tell what these characters say, once it told what is known of
+/// parity.
+///
+/// # Errors
+/// It cannot.
+pub fn check(characters: &[Character], bus: &BusInfo) -> io::Result<()> {
+    let mut whole = characters.iter().filter(|character| !character.has_framing_error());
+    let contradicts = whole.any(|character| match character.parity() {
+        Parity::Unknown => bus.parity != ParityMarks::None,
+        Parity::Ok | Parity::Error => bus.parity == ParityMarks::None,
+        Parity::None | Parity::Suspect => false,
+    });
+    if !contradicts {
+        return Ok(());
+    }
+    let what = "parity is known of some characters and not of others, which serial pcapng cannot \
+                hold: write chars, CSV or JSON";
+    Err(io::Error::new(io::ErrorKind::Unsupported, what))
 }
 
 /// The bytes of a block with a run of characters.

@@ -87,6 +87,16 @@ impl Blocks {
         Ok(Some(length))
     }
 
+    /// Whether the next block need not be waited for. A section's is, to learn its byte order.
+    pub fn is_next_held(&self) -> bool {
+        let held = self.stream.held();
+        let Some((&[a, b, c, d, e, f, g, h, ..], _)) = held.split_first_chunk::<HEAD>() else {
+            return false;
+        };
+        let is_section = u32::from_be_bytes([a, b, c, d]) == SECTION_HEADER_BLOCK;
+        !is_section && held.len() >= self.order.u32([e, f, g, h]) as usize
+    }
+
     /// The block of that length that was found.
     ///
     /// # Errors

@@ -1,7 +1,8 @@
 //! pcapng: packets of several interfaces in one or more sections (draft-ietf-opsawg-pcapng).
 //!
-//! Each interface with link type 250 is a bus. Interfaces of the same name in a later section go on
-//! with the bus of the first, as the files of a ring do.
+//! Each interface with serial characters (link type 250) or CAN frames (227, 113, 276) is a bus.
+//! Interfaces of the same name in a later section go on with the bus of the first, as the files of
+//! a ring do.
 
 mod blocks;
 mod fields;
@@ -10,15 +11,19 @@ mod packet;
 #[cfg(test)]
 mod tests;
 
+use super::buses::{Buses, TOO_MANY};
+use super::can::packet as can;
+use super::link::{self, Packet, Tap};
 use super::outbox::{Outbox, Reader};
-use super::pcap::{LONGEST_PACKET, link_name, wrong_link};
-use super::rtac::{self, Packet, Tap};
-use super::selection::Selection;
+use super::pcap::LONGEST_PACKET;
+use super::rtac;
 use super::{Input, Place, SourceError, SourceOptions};
 use blocks::{Block, Blocks};
+use dissectors::bus::WireFacts;
 use dissectors::event::Moment;
+use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
-use fields::Stamps;
+use fields::{Order, Stamps};
 use interface::{Description, description};
 use packet::{PacketFields, Statistics, enhanced, obsolete, statistics};
 use pcap_file::pcapng::blocks::{
@@ -26,7 +31,7 @@ use pcap_file::pcapng::blocks::{
     SECTION_HEADER_BLOCK, SIMPLE_PACKET_BLOCK,
 };
 
-/// Most interfaces that are believed, in a section and with different names in a file.
+/// Most interfaces that are believed in a section.
 const MOST_INTERFACES: usize = 1024;
 
 /// How comments begin that were made from what was decoded, and will be made anew.
@@ -48,10 +53,9 @@ impl PcapNg {
     /// Reads blocks from this input.
     pub fn new(input: Input, options: &SourceOptions) -> Self {
         let listener = Listener {
-            selection: Selection::new(options),
             interfaces: Vec::new(),
-            buses: Vec::new(),
-            has_serial: false,
+            buses: Buses::new(options),
+            is_of_use: false,
             foreign: None,
             told_oddity: false,
             told_simple: false,
@@ -62,26 +66,30 @@ impl PcapNg {
 
 impl Reader for PcapNg {
     fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
-        let Some(length) = self.blocks.find()? else {
-            self.listener.finish(self.blocks.name())?;
-            return Ok(false);
-        };
-        let block = self.blocks.found(length)?;
-        self.listener.hear(&block, &self.blocks, out)?;
-        self.blocks.take(length);
-        Ok(true)
+        loop {
+            let Some(length) = self.blocks.find()? else {
+                self.listener.finish(self.blocks.name(), out)?;
+                return Ok(false);
+            };
+            let block = self.blocks.found(length)?;
+            self.listener.hear(&block, &self.blocks, out)?;
+            self.blocks.take(length);
+            if out.is_full() || !self.blocks.is_next_held() {
+                return Ok(true);
+            }
+        }
     }
 }
 
 /// What is known of the interfaces so far.
 struct Listener {
-    selection: Selection,
     /// The interfaces of this section.
     interfaces: Vec<Interface>,
     /// The buses of the file.
-    buses: Vec<BusInfo>,
-    has_serial: bool,
-    /// A link type that is not serial, where there is one.
+    buses: Buses,
+    /// There is an interface with characters or CAN frames.
+    is_of_use: bool,
+    /// A link type of other interfaces, where there are such.
     foreign: Option<u16>,
     told_oddity: bool,
     told_simple: bool,
@@ -97,7 +105,7 @@ enum Role {
     Heard(Tap),
     /// The user did not ask for it.
     NotAskedFor,
-    /// Its packets are not characters.
+    /// Its packets are neither characters nor CAN frames.
     Foreign { link_type: u16, is_told: bool },
 }
 
@@ -121,13 +129,14 @@ impl Listener {
             }
             INTERFACE_DESCRIPTION_BLOCK => {
                 let (_, description) = description(body, order).map_err(|_| short())?;
-                self.interface(description, blocks, out)
+                self.interface(description, order, blocks, out)
             }
             INTERFACE_STATISTIC_BLOCK => {
                 let (_, statistics) = statistics(body, order).map_err(|_| short())?;
                 self.statistics(statistics, blocks, out)
             }
             SECTION_HEADER_BLOCK => {
+                self.tell_oddities(blocks.name(), out);
                 self.interfaces.clear();
                 Ok(())
             }
@@ -145,53 +154,55 @@ impl Listener {
     fn interface(
         &mut self,
         told: Description,
+        order: Order,
         blocks: &Blocks,
         out: &mut Outbox,
     ) -> Result<(), SourceError> {
         let number = self.interfaces.len();
-        if number.max(self.buses.len()) >= MOST_INTERFACES {
-            return Err(blocks.error("more interfaces than anybody has: the file is damaged"));
+        if number >= MOST_INTERFACES {
+            return Err(blocks.error(TOO_MANY));
         }
-        let Description { link_type, stamps, .. } = told;
-        let role = if link_type == rtac::LINK_TYPE {
-            self.has_serial = true;
-            let name = told.name.unwrap_or_else(|| format!("if{number}"));
-            let note = told.note.unwrap_or_default();
-            if note.format.is_some_and(|format| format.data_bits() > 8) {
-                return Err(blocks.error("characters of nine data bits do not fit into bytes"));
+        let (link_type, stamps) = (told.link_type, told.stamps);
+        let role = match self.tap(told, number, order, out) {
+            Some(tap) => {
+                self.is_of_use = true;
+                tap.map_err(|what| blocks.error(what))?.map_or(Role::NotAskedFor, Role::Heard)
             }
-            if self.selection.takes(&name) {
-                let info = BusInfo { name, clock: Some(note.clock) };
-                Role::Heard(self.tap(
-                    info,
-                    |bus, options| Tap::new(bus, &note, stamps.resolution(), told.baud, options),
-                    out,
-                ))
-            } else {
-                Role::NotAskedFor
+            None => {
+                self.foreign = self.foreign.or(Some(link_type));
+                Role::Foreign { link_type, is_told: false }
             }
-        } else {
-            self.foreign = self.foreign.or(Some(link_type));
-            Role::Foreign { link_type, is_told: false }
         };
         self.interfaces.push(Interface { stamps, role });
         Ok(())
     }
 
-    /// The tap of a bus, which appears unless an earlier section had it.
+    /// The tap of an interface: `None` for a link type that is not known, and none where the user
+    /// did not ask for it.
     fn tap(
         &mut self,
-        info: BusInfo,
-        tap: impl FnOnce(usize, &SourceOptions) -> Tap,
+        told: Description,
+        number: usize,
+        order: Order,
         out: &mut Outbox,
-    ) -> Tap {
-        let known = self.buses.iter().position(|bus| *bus == info);
-        let tap = tap(known.unwrap_or(self.buses.len()), self.selection.options());
-        if known.is_none() {
-            self.buses.push(info.clone());
-            out.bus(info, tap.facts());
+    ) -> Option<Result<Option<Tap>, &'static str>> {
+        let Description { link_type, name, baud, stamps, note } = told;
+        let note = note.unwrap_or_default();
+        let name = name.unwrap_or_else(|| format!("if{number}"));
+        let info = BusInfo::new(name, Some(note.clock)).with_parity(note.parity);
+        if link_type == rtac::LINK_TYPE {
+            if note.format.is_some_and(|format| format.data_bits() > 8) {
+                return Some(Err("characters of nine data bits do not fit into bytes"));
+            }
+            let tap = rtac::Tap::new(&note, stamps.resolution(), baud, self.buses.options());
+            let number = self.buses.number(info, Medium::Serial, tap.facts(), out);
+            return Some(number.map(|bus| Some(Tap::Serial(tap.on(bus?)))));
         }
-        tap
+        let facts = WireFacts { baud, ..WireFacts::default() };
+        let uncertainty = stamps.resolution().max(note.uncertainty);
+        let mut tap = can::Tap::of(link_type, order.0, info, facts, uncertainty)?;
+        let announced = tap.announce(&mut self.buses, out);
+        Some(announced.map(|()| Some(Tap::Can(tap))))
     }
 
     fn packet(
@@ -204,15 +215,15 @@ impl Listener {
         let tap = match &mut interface.role {
             Role::Heard(tap) => tap,
             Role::NotAskedFor => return Ok(()),
-            Role::Foreign { link_type, .. } if !self.has_serial => {
-                return Err(blocks.error(wrong_link(*link_type)));
+            Role::Foreign { link_type, .. } if !self.is_of_use => {
+                return Err(blocks.error(link::wrong(*link_type)));
             }
             Role::Foreign { link_type, is_told } => {
                 if !std::mem::replace(is_told, true) {
                     out.warning(blocks.error(format!(
                         "interface {} has link type {}: its packets are left out",
                         fields.interface,
-                        link_name(*link_type)
+                        link::name(*link_type)
                     )));
                 }
                 return Ok(());
@@ -231,9 +242,12 @@ impl Listener {
             bytes: fields.bytes,
             original_length: fields.original_length,
             lost_before: fields.dropped,
+            direction: fields.direction,
         };
-        comments(tap.bus(), at, fields.comments(), out);
-        if let (Some(oddity), false) = (tap.hear(&packet, out), self.told_oddity) {
+        let bus = tap.bus_of(&packet, &mut self.buses, out).map_err(|what| blocks.error(what))?;
+        let Some(bus) = bus else { return Ok(()) };
+        comments(bus, at, fields.comments(), out);
+        if let (Some(oddity), false) = (tap.hear(bus, &packet, out), self.told_oddity) {
             self.told_oddity = true;
             out.warning(blocks.error(oddity));
         }
@@ -255,19 +269,32 @@ impl Listener {
                 fields.dropped, fields.interface
             )));
         }
-        comments(tap.bus(), end.unwrap_or(Moment::UNKNOWN), fields.comments(), out);
+        if let Some(bus) = tap.buses().next() {
+            comments(bus, end.unwrap_or(Moment::UNKNOWN), fields.comments(), out);
+        }
         if let Some(end) = end {
-            out.end(tap.bus(), end);
+            tap.end(end, out);
         }
         Ok(())
     }
 
-    fn finish(&self, name: &str) -> Result<(), SourceError> {
+    fn finish(&self, name: &str, out: &mut Outbox) -> Result<(), SourceError> {
+        self.tell_oddities(name, out);
         match self.foreign {
-            Some(link_type) if !self.has_serial => {
-                Err(SourceError::new(name, Place::Whole, wrong_link(link_type)))
+            Some(link_type) if !self.is_of_use => {
+                Err(SourceError::new(name, Place::Whole, link::wrong(link_type)))
             }
-            _ => self.selection.check(name),
+            _ => self.buses.check(name),
+        }
+    }
+
+    /// Tells what was left out of the interfaces of a section.
+    fn tell_oddities(&self, name: &str, out: &mut Outbox) {
+        for interface in &self.interfaces {
+            let Role::Heard(tap) = &interface.role else { continue };
+            if let Some(oddity) = tap.oddity() {
+                out.warning(SourceError::new(name, Place::Whole, oddity));
+            }
         }
     }
 }

@@ -1,10 +1,12 @@
 //! What blocks that come again and again say: packets, and an interface's statistics.
 
 use super::fields::{Options, Order};
+use dissectors::can::Direction;
 use nom::IResult;
 use nom::error::{Error, ErrorKind};
 
 const COMMENT: u16 = 1;
+const EPB_FLAGS: u16 = 2;
 const EPB_DROPCOUNT: u16 = 4;
 const ISB_ENDTIME: u16 = 3;
 const ISB_IFDROP: u16 = 5;
@@ -18,6 +20,8 @@ pub struct PacketFields<'a> {
     pub original_length: u32,
     /// Packets lost before this one.
     pub dropped: Option<u64>,
+    /// Who sent it, if that is told.
+    pub direction: Option<Direction>,
     options: Options<'a>,
 }
 
@@ -61,9 +65,14 @@ fn packet(
     };
     // Padding to four bytes.
     let options = rest.get(captured.next_multiple_of(4) - captured..).unwrap_or_default();
+    let mut direction = None;
     for (code, value) in Options::new(order, options) {
-        if let (EPB_DROPCOUNT, Ok(count)) = (code, value.try_into()) {
-            dropped = Some(order.u64(count));
+        match code {
+            EPB_DROPCOUNT => {
+                dropped = value.try_into().map(|count| order.u64(count)).ok().or(dropped)
+            }
+            EPB_FLAGS => direction = value.try_into().ok().and_then(|f| side(order.u32(f))),
+            _ => {}
         }
     }
     let packet = PacketFields {
@@ -72,9 +81,19 @@ fn packet(
         bytes,
         original_length: order.u32([e, f, g, h]),
         dropped,
+        direction,
         options: Options::new(order, options),
     };
     Ok((&[], packet))
+}
+
+/// Bits 0 and 1 of the flags: 1 is inbound, 2 outbound.
+const fn side(flags: u32) -> Option<Direction> {
+    match flags & 3 {
+        1 => Some(Direction::Received),
+        2 => Some(Direction::Sent),
+        _ => None,
+    }
 }
 
 /// An Interface Statistics Block.

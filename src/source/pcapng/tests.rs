@@ -277,17 +277,91 @@ fn foreign_blocks_and_interfaces_are_left_out() {
 }
 
 #[test]
-fn a_file_without_a_serial_interface_is_refused() {
-    let expected = "the packets have link type 227 (CAN_SOCKETCAN), and characters of a serial \
-                    line have 250 (RTAC_SERIAL)";
+fn a_file_without_an_interface_of_use_is_refused() {
+    let expected = "the packets have link type 1 (ETHERNET): characters of a serial line have 250 \
+                    (RTAC_SERIAL), frames of a CAN bus 227 (CAN_SOCKETCAN), or 113 or 276 with a \
+                    protocol of CAN";
     let said = read(|file| {
-        file.interface(227, &[]);
+        file.interface(1, &[]);
         file.enhanced(0, 1, &[0; 16], &[]);
         file.serial("A", "");
     });
     assert_eq!(said, [format!("test: at byte 52: block 3: {expected}")]);
-    assert_eq!(read(|file| file.interface(227, &[])), [format!("test: {expected}")]);
+    assert_eq!(read(|file| file.interface(1, &[])), [format!("test: {expected}")]);
     assert_eq!(read(|_| {}), [""; 0]);
+}
+
+/// A frame of link type 227: identifier, length, flags, two reserved bytes, data.
+fn can(id: u32, flags: u8, data: &[u8]) -> Vec<u8> {
+    let length = u8::try_from(data.len()).unwrap();
+    [&id.to_be_bytes()[..], &[length, flags, 0, 0], data].concat()
+}
+
+#[test]
+fn can_interfaces_stand_beside_serial_ones() {
+    let said = read(|file| {
+        file.serial("A", "");
+        let speed = file.u64(125_000);
+        let options: [(u16, &[u8]); 4] =
+            [(2, b"A"), (8, &speed), (9, &[9]), (1, b"fieldtap-tap: clock=kernel pm_ns=1000")];
+        file.interface(227, &options);
+        file.enhanced(1, 7, &can(0x42C, 0, &[1, 0x0E, 1, 1, 1]), &[]);
+        file.enhanced(0, 8, &serial(2, b"a"), &[]);
+        let (five, unknown) = (file.u64(5), file.u64(u64::MAX));
+        // epb_flags: outbound, inbound.
+        let (out, into) = (file.u32(2), file.u32(1));
+        file.enhanced(1, 9, &can(0x42B, 0, &[]), &[(4, &five), (2, &out), (1, b"plug 3 moved")]);
+        file.enhanced(1, 10, &can(0x4000_042D, 0, &[]), &[(4, &unknown), (2, &into)]);
+        let end = file.ticks(20);
+        file.block(5, &[file.u32(1).to_vec(), vec![0; 8], file.options(&[(3, &end)])].concat());
+    });
+    assert_eq!(
+        said,
+        [
+            "bus A log 1000000",
+            "bus A kernel 125000",
+            "1: 42C#010E010101 @7±1000",
+            "0: 61 @8±1",
+            "1: comment @9 \"plug 3 moved\"",
+            "1: lost 5 Capture @9",
+            "1: 42B# T @9±1000",
+            "1: lost Capture @10",
+            "1: 42D#R0 R @10±1000",
+            "1: end @20",
+        ]
+    );
+}
+
+/// Cooked packets have the identifier in the byte order of the host, which is the file's.
+#[test]
+fn cooked_can_frames_of_several_interfaces() {
+    let said = read(|file| {
+        file.interface(276, &[(2, b"any"), (9, &[9])]);
+        let cooked = |protocol: [u8; 2], index: u8, kind: u8, id: [u8; 4]| {
+            let address = [0, 0, 0, 0, 0, 0, 0, 0];
+            let head = [protocol[0], protocol[1], 0, 0, 0, 0, 0, index, 1, 0x18, kind, 0];
+            [&head[..], &address, &id, &[1, 0, 0, 0, 0xAB]].concat()
+        };
+        let id = file.u32(0x42C);
+        file.enhanced(0, 1, &cooked([0, 0x0C], 3, 1, id), &[]);
+        file.enhanced(0, 2, &cooked([0, 0x0C], 4, 4, id), &[]);
+        file.enhanced(0, 3, &cooked([0, 0x0D], 3, 1, id), &[]);
+        // IPv4 of another interface, and CAN XL.
+        file.enhanced(0, 4, &cooked([8, 0], 2, 0, id), &[]);
+        file.enhanced(0, 5, &cooked([0, 0x0E], 3, 1, id), &[]);
+        file.enhanced(0, 6, &[0; 19], &[]);
+    });
+    assert_eq!(
+        said,
+        [
+            "bus any:3 log",
+            "0: 42C#AB R @1±1",
+            "bus any:4 log",
+            "1: 42C#AB T @2±1",
+            "0: 42C##AB R @3±1",
+            "warning: test: 1 frame that is neither CAN nor CAN FD was left out",
+        ]
+    );
 }
 
 #[test]
@@ -393,6 +467,13 @@ fn no_damage_stops_the_reader_for_good() {
         let mut file = File::new(is_big);
         file.serial("A", "clock=read pm_ns=16000000 parity=packet format=8E1");
         file.interface(1, &[(2, b"eth0")]);
+        file.interface(276, &[(2, b"any")]);
+        file.enhanced(
+            2,
+            1_000,
+            &[&[0, 12, 0, 0][..], &[0; 16], &can(0x42C, 0, b"abc")].concat(),
+            &[],
+        );
         let five = file.u64(5);
         file.enhanced(0, 1_000, &serial(2, b"abc"), &[(1, b"note"), (4, &five)]);
         file.enhanced(1, 1_000, &[0; 14], &[]);

@@ -6,15 +6,12 @@
 use super::super::lanes::Lanes;
 use super::super::outbox::{Outbox, Reader};
 use super::super::rows::{Quotes, Rows, shown, without_mark};
-use super::super::{Input, SourceError, SourceOptions};
+use super::super::{Input, MOST_CHANNELS, SourceError, SourceOptions};
 use super::time::Time;
 use dissectors::event::Moment;
 use nom::branch::alt;
 use nom::bytes::complete::tag;
 use nom::{IResult, Parser};
-
-/// Most channels that are believed.
-const MOST_CHANNELS: usize = 1024;
 
 /// Whether a line is the header of such a file.
 pub fn is_header(line: &[u8]) -> bool {

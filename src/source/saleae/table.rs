@@ -157,7 +157,7 @@ impl Table {
         if bus.is_some() {
             self.hand_over(out);
             self.buses += 1;
-            out.bus(BusInfo { name: shown, clock: Some(Clock::Sample) }, WireFacts::default());
+            out.bus(BusInfo::new(shown, Some(Clock::Sample)), WireFacts::default());
         }
         self.analyzers.push(Analyzer { name, bus });
         Ok(self.analyzers.len() - 1)

@@ -1,0 +1,178 @@
+//! The bit clock: where between level changes the bits are sampled.
+
+/// Where in a bit it is sampled, in quarters. Three quarters lie between what CAN in Automation and
+/// DeviceNet set (75 to 87.5 %), and are the one point that is right for two samples a bit however
+/// these fall.
+const SAMPLE_POINT: i64 = 3;
+
+/// How far a bit is moved at most by one edge, as a share of a bit: what the synchronisation jump
+/// width is to a controller (CAN 2.0, part A §8).
+const JUMP: i64 = 4;
+
+/// How far the clock of a sender may be off, as a share of a bit.
+const DRIFT: i64 = 128;
+
+/// Fractions of a tick that are reckoned with.
+const TICK: i64 = 1 << 16;
+
+/// Longest time that is reckoned with, in ticks: idle lines take longer, but have no bits.
+const LONGEST: u64 = 1 << 44;
+
+/// The longest bit.
+const SLOWEST: i64 = 1 << 48;
+
+/// Counts bits between edges. A level change was at its tick or up to one tick before, so that each
+/// edge narrows down where bits begin.
+#[derive(Clone, Debug)]
+pub(super) struct BitClock {
+    /// Duration of a bit.
+    bit: i64,
+    /// The tick of the last edge.
+    base: u64,
+    /// The next sample point, from there.
+    next: i64,
+    /// Bits may begin by so much earlier or later than it is reckoned.
+    doubt: i64,
+    /// How many bits ago that was known.
+    age: i64,
+    /// Where the bits that are counted began, and how many there were.
+    origin: u64,
+    bits: u64,
+}
+
+impl BitClock {
+    /// A clock whose bits last so many ticks.
+    pub fn new(ticks_a_bit: f64) -> Self {
+        let bit = ((ticks_a_bit * TICK as f64) as i64).clamp(TICK, SLOWEST);
+        BitClock { bit, base: 0, next: 0, doubt: 0, age: 0, origin: 0, bits: 0 }
+    }
+
+    /// Pulses of fewer ticks than this are shorter than a quarter of a bit.
+    pub fn shortest_pulse(&self) -> u64 {
+        (self.bit / 4).unsigned_abs().div_ceil(TICK.unsigned_abs())
+    }
+
+    /// The first bits of a line that is known from this tick on, wherever they begin.
+    pub fn start(&mut self, tick: u64) {
+        self.move_to(tick);
+        self.synchronize();
+    }
+
+    /// How many bits are sampled before this tick.
+    pub fn advance(&mut self, until: u64) -> u32 {
+        let ahead = until.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK - self.next;
+        if ahead <= 0 {
+            return 0;
+        }
+        let count = (ahead - 1) / self.bit + 1;
+        self.next += count * self.bit;
+        self.bits += count.unsigned_abs();
+        self.age += count;
+        u32::try_from(count).unwrap_or(u32::MAX)
+    }
+
+    /// The level changed at this tick; all bits before it were counted.
+    pub fn move_to(&mut self, tick: u64) {
+        let passed = tick.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK;
+        self.next -= passed;
+        self.base = tick;
+    }
+
+    /// A bit begins with the last edge: hard synchronisation.
+    pub fn synchronize(&mut self) {
+        self.next = self.bit * SAMPLE_POINT / 4 - TICK / 2;
+        (self.doubt, self.age) = (TICK / 2, 0);
+        (self.origin, self.bits) = (self.base, 0);
+    }
+
+    /// A bit should begin with the last edge: the clock is moved towards it.
+    pub fn resynchronize(&mut self) {
+        let begins = self.next - self.bit * SAMPLE_POINT / 4;
+        let doubt = self.doubt + self.age.min(DRIFT) * self.bit / DRIFT;
+        // What was reckoned and what was seen, as far as they agree.
+        let earliest = (begins - doubt).clamp(-TICK, 0);
+        let latest = (begins + doubt).clamp(-TICK, 0);
+        let error = begins - (earliest + latest) / 2;
+        self.next -= error.clamp(-self.bit / JUMP, self.bit / JUMP);
+        (self.doubt, self.age) = ((latest - earliest) / 2, 0);
+    }
+
+    /// How many ticks passed from the hard synchronisation to the last edge, and how many bits.
+    pub fn span(&self) -> (u64, u64) {
+        (self.base.saturating_sub(self.origin), self.bits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clock(ticks_a_bit: f64) -> BitClock {
+        let mut clock = BitClock::new(ticks_a_bit);
+        clock.start(100);
+        clock
+    }
+
+    #[test]
+    fn bits_are_sampled_at_three_quarters() {
+        // Ten ticks a bit, from tick 99.5 on: sampled at 107, 117, 127.
+        let mut clock = clock(10.0);
+        let counts = [106, 107, 108, 117, 118, 138].map(|until| clock.advance(until));
+        assert_eq!(counts, [0, 0, 1, 0, 1, 2]);
+    }
+
+    #[test]
+    fn two_samples_a_bit_suffice_however_they_fall() {
+        // A bit of five, one to five bits long: the edges are seen at 100 + 2n, or one later.
+        for late in [0, 1] {
+            for bits in 1..=5_u32 {
+                let mut clock = BitClock::new(2.0);
+                clock.start(100 + late);
+                assert_eq!(clock.advance(100 + late + 2 * u64::from(bits)), bits);
+            }
+        }
+    }
+
+    #[test]
+    fn an_edge_moves_the_clock_by_a_quarter_of_a_bit_at_most() {
+        // The next bit is due at 119.5; an edge at 122 is late by 1.5 to 2.5 ticks: it is moved so
+        // that it began at 121.
+        let mut late = clock(10.0);
+        late.advance(122);
+        late.move_to(122);
+        late.resynchronize();
+        assert_eq!([late.advance(128), late.advance(129)], [0, 1]);
+        // At 127, just before the sample point at 127, it is late by 6.5: moved by 2.5 to 129.5.
+        let mut later = clock(10.0);
+        later.advance(127);
+        later.move_to(127);
+        later.resynchronize();
+        assert_eq!([later.advance(129), later.advance(130)], [0, 1]);
+        // At 118 it is early, by 1.5: the bit was sampled, and the next one begins at 118.
+        let mut early = clock(10.0);
+        assert_eq!(early.advance(118), 2);
+        early.move_to(118);
+        early.resynchronize();
+        assert_eq!([early.advance(125), early.advance(126)], [0, 1]);
+    }
+
+    #[test]
+    fn an_edge_within_the_tick_that_is_not_known_moves_nothing() {
+        for tick in [119, 120] {
+            let mut clock = clock(10.0);
+            clock.advance(tick + 1);
+            clock.move_to(tick);
+            let next = clock.next;
+            clock.resynchronize();
+            assert_eq!(clock.next == next, tick == 120, "{tick}");
+        }
+    }
+
+    #[test]
+    fn how_far_a_pause_is_counted_in_pieces_does_not_matter() {
+        let (mut whole, mut pieces) = (clock(3.3), clock(3.3));
+        let count: u32 = (100..5_000).step_by(7).map(|until| pieces.advance(until)).sum();
+        assert_eq!(count + pieces.advance(5_000), whole.advance(5_000));
+        assert_eq!(pieces.next, whole.next);
+    }
+}

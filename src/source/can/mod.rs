@@ -1,0 +1,13 @@
+//! CAN frames: logs of text, one file a format, and the packets of captures.
+
+pub mod asc;
+pub mod candump;
+pub mod console;
+mod date;
+mod hex;
+mod log;
+pub mod packet;
+mod report;
+pub mod trc;
+
+pub use log::{Grammar, Log};

@@ -1,0 +1,54 @@
+//! Sources that come in several pieces: files one after the other, lines as they are written.
+
+use crate::harness::{Scratch, argument, fieldtap, fieldtap_fed, here};
+use std::fmt::Write;
+
+/// The sentences of a trace, in order.
+fn sentences(arguments: &[&str]) -> Vec<String> {
+    let run = fieldtap(["read", "--format", "json"].iter().chain(arguments)).good();
+    let summary = |record: &serde_json::Value| record["summary"].as_str().expect("text").to_owned();
+    run.records().iter().map(summary).collect()
+}
+
+#[test]
+fn a_second_capture_of_the_line_is_read_like_the_first() {
+    for name in ["tr.sr", "inverted.sr", "tr-345594.sr", "tr.vcd", "tr.chars", "tr-115200.pcapng"] {
+        let capture = here("captures/good").join(name);
+        let capture = argument(&capture);
+        let once = sentences(&[capture]);
+        let twice = sentences(&[capture, capture]);
+        let (first, second) = twice.split_at(once.len().min(twice.len()));
+        assert_eq!(first, once, "{name}");
+        // An address that nobody answers at is told once.
+        let differing = second.iter().zip(&once).filter(|(again, before)| again != before);
+        assert_eq!(second.len(), once.len(), "{name}");
+        assert_eq!(differing.count(), 0, "{name}");
+    }
+}
+
+/// Four characters 0.9 s apart, then exchanges with encoder 0: 154 is 1A 01 (TR SLIN §6).
+fn sparse_beginning() -> String {
+    let mut text = "time,byte,parity\n".to_owned();
+    let mut line = |ns: u64, byte: u8| {
+        // A String takes any text.
+        let _ = writeln!(text, "{}.{:09},{byte:02X},ok", ns / 1_000_000_000, ns % 1_000_000_000);
+    };
+    (0..4).for_each(|n| line(n * 900_000_000, 0x55));
+    for n in 0..60 {
+        let at = 3_600_000_000 + n * 10_000_000;
+        line(at, 0x80);
+        [0x1A, 0x01, 0x98].iter().zip(0..).for_each(|(b, i)| line(at + 345_486 + i * 95_486, *b));
+    }
+    text
+}
+
+#[test]
+fn a_file_and_a_pipe_give_the_same_trace() {
+    let scratch = Scratch::new();
+    let text = sparse_beginning();
+    let file = scratch.file("sparse.chars", &text);
+    let from_file = fieldtap(["read", "--format", "json", argument(&file)]).good();
+    let from_pipe = fieldtap_fed(["read", "--format", "json", "-"], text.as_bytes()).good();
+    assert_eq!(from_file.stdout, from_pipe.stdout);
+    assert_eq!(from_file.records().len(), from_pipe.records().len());
+}
