@@ -254,5 +254,6 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
         stations,
+        ..Settings::default()
     })
 }

@@ -11,6 +11,12 @@ use crate::uart::Character;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Moment(i64);
 
+impl Default for Moment {
+    fn default() -> Self {
+        Moment::UNKNOWN
+    }
+}
+
 impl Moment {
     /// No time is known.
     pub const UNKNOWN: Moment = Moment(i64::MIN);

@@ -7,12 +7,13 @@ use crate::finding::{Code, Finding};
 use crate::record::{BusInfo, Output};
 use crate::station::Stations;
 use crate::uart::{Character, Wire};
-use crate::{can, slin, uart};
+use crate::{can, devicenet, slin, uart};
 use alloc::{boxed::Box, string::String, vec::Vec};
 
 /// Every protocol that can be spoken on a bus, the most particular first: `auto` takes the first
 /// that the traffic speaks for. A new one is added here and nowhere else.
-pub static PROTOCOLS: [&Protocol; 3] = [&slin::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
+pub static PROTOCOLS: [&Protocol; 4] =
+    [&slin::PROTOCOL, &devicenet::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
 
 /// The first field with each role, by protocol: statistics ask for them with every record.
 static ROLES: [[Option<FieldId>; Role::COUNT]; PROTOCOLS.len()] = {
@@ -95,6 +96,8 @@ pub struct Settings {
     pub can: can::Settings,
     /// What is known of SLIN encoders.
     pub slin: slin::Settings,
+    /// The limits that DeviceNet traffic is judged by.
+    pub devicenet: devicenet::Settings,
     /// Names and resolutions of stations.
     pub stations: Stations,
 }

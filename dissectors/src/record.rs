@@ -294,6 +294,12 @@ impl<'a> Output<'a> {
         Output { last_number, sink }
     }
 
+    /// The number that the next record will get.
+    #[must_use]
+    pub fn next_number(&self) -> u64 {
+        *self.last_number + 1
+    }
+
     /// Numbers a record, hands it on, and returns its number.
     pub fn emit(&mut self, mut record: Record<'_>) -> u64 {
         *self.last_number += 1;

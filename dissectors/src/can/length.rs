@@ -30,25 +30,45 @@ struct Stuffed {
 
 /// The bits of a frame whose data is whole, from the start of frame to the end of the intermission.
 pub fn of(frame: &Frame) -> u16 {
-    let mut bits = Bits::new();
     let is_remote = frame.kind == FrameKind::Remote;
     let dlc = u32::from(frame.dlc & 0xF);
-    match frame.id {
+    let data = if is_remote { &[] } else { frame.bytes() };
+    let data = &data[..data.len().min(MAX_CLASSIC_DATA)];
+    let stuffed = match frame.id {
         // SOF, identifier, RTR, IDE 0, reserved 0, DLC: 19 bits.
         Identifier::Standard(id) => {
-            bits.push(u32::from(id) << 7 | u32::from(is_remote) << 6 | dlc, 19);
+            standard(u32::from(id) << 7 | u32::from(is_remote) << 6 | dlc, data)
         }
         // SOF, identifier, SRR 1, IDE 1, identifier, RTR, reserved 0 twice, DLC: 39 bits.
         Identifier::Extended(id) => {
+            let mut bits = Bits::new();
             bits.push((id >> 18) << 2 | 0b11, 14);
             bits.push((id & 0x3_FFFF) << 7 | u32::from(is_remote) << 6 | dlc, 25);
+            data.iter().for_each(|byte| bits.push_byte(*byte));
+            bits.finish()
         }
+    };
+    stuffed + TAIL + INTERMISSION
+}
+
+/// The stuffed part of a frame with an 11-bit identifier, which begins with these 19 bits: two
+/// bits and then whole bytes, 34 + 8n in all with the checksum.
+fn standard(head: u32, data: &[u8]) -> u16 {
+    // Zeros before the first bit do not count in the checksum.
+    let [_, high, middle, low] = head.to_be_bytes();
+    let sum = [high, middle, low].iter().chain(data).fold(0, |sum, byte| add_byte(sum, *byte));
+    let whole = data.iter().fold(u128::from(head), |bits, byte| bits << 8 | u128::from(*byte));
+    let bytes = (whole << 15 | u128::from(sum)).to_be_bytes();
+    // SOF is dominant; the bit after it goes on with that run, or begins the next.
+    let second = head >> 17 & 1 == 1;
+    let mut run = if second { run_of(true, 1) } else { run_of(false, 2) };
+    let mut stuffed = 0;
+    for byte in &bytes[bytes.len() - 4 - data.len()..] {
+        let step = STUFFING[usize::from(run)][usize::from(*byte)];
+        run = step.run;
+        stuffed += u16::from(step.bits);
     }
-    let data = if is_remote { &[] } else { frame.bytes() };
-    for byte in &data[..data.len().min(MAX_CLASSIC_DATA)] {
-        bits.push_byte(*byte);
-    }
-    bits.finish() + TAIL + INTERMISSION
+    34 + 8 * data.len() as u16 + stuffed
 }
 
 /// The checksum of a sequence of bits, the most significant first.
@@ -216,6 +236,21 @@ mod tests {
             (0x180, &[0x6A, 0, 0, 0, 0, 0, 0, 0], 125),
         ] {
             assert_eq!(bits(Identifier::Standard(id), data), Some(total), "{id:03X}#{data:02X?}");
+        }
+    }
+
+    #[test]
+    fn bytes_at_a_time_or_bits_make_no_difference() {
+        for seed in 0..20_000_u64 {
+            let mixed = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let (head, data) = (mixed as u32 & 0x3_FFFF, (mixed >> 7).to_le_bytes());
+            // Few different bits: long runs.
+            let data = data.map(|byte| if seed % 2 == 0 { byte } else { byte & 0x81 });
+            let data = &data[..seed as usize % 9];
+            let mut bits = super::Bits::new();
+            bits.push(head, 19);
+            data.iter().for_each(|byte| bits.push_byte(*byte));
+            assert_eq!(super::standard(head, data), bits.finish(), "{head:05X} {data:02X?}");
         }
     }
 

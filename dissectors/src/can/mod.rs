@@ -15,6 +15,7 @@ pub use codes::{
     TRUNCATED, WRONG_BITRATE,
 };
 pub use dissector::{FIELDS, FrameFields, PROTOCOL};
+pub(crate) use dissector::{duration, lose, summarize};
 pub use errors::{ErrorClasses, ErrorDetail, Violation};
 pub use frame::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
 pub use length::checksum;

@@ -1,0 +1,226 @@
+//! The DeviceNet bus: frames in, a record for each at once, and events for what did not come.
+
+use super::alarms::Told;
+use super::codes;
+use super::connection::Mark;
+use super::identifier::{MacId, Port};
+use super::layer::{Bytes, Facts, Link, Message, kind};
+use super::ledger::{Ledger, Now, is_foreign};
+use super::{PROTOCOL, Settings};
+use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
+use crate::event::{Event, Loss, Moment};
+use crate::finding::Finding;
+use crate::protocol::{self, Conclusion, Dissector};
+use crate::record::{BusInfo, Output, Record};
+use crate::uart::Wire;
+use alloc::vec::Vec;
+
+/// The state of one DeviceNet bus.
+pub struct DeviceNet {
+    wire: Wire,
+    watch: Watch,
+    ledger: Ledger,
+    /// The last stamp that was told, and its ±.
+    last: (Moment, u32),
+    at_end: Vec<Finding>,
+}
+
+impl DeviceNet {
+    /// A bus that nothing was heard of.
+    #[must_use]
+    pub fn new(wire: Wire, settings: &protocol::Settings) -> Self {
+        DeviceNet {
+            wire,
+            watch: Watch::new(wire),
+            ledger: Ledger::new(wire, settings.devicenet),
+            last: (Moment::UNKNOWN, 0),
+            at_end: Vec::new(),
+        }
+    }
+
+    /// The limits that traffic is judged by.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.ledger.settings
+    }
+
+    fn frame(&mut self, bus: &BusInfo, frame: &Frame, out: &mut Output<'_>) {
+        if self.runs_backwards(frame) {
+            self.ledger.lose();
+        }
+        self.pass(bus, frame.start, out);
+        let id = match (frame.kind, frame.id) {
+            (FrameKind::Data, Identifier::Standard(id)) if frame.crc != Some(false) => Some(id),
+            _ => None,
+        };
+        if let Some(Port::StrobeCommand(master)) = id.map(Port::of) {
+            self.miss_strobes(bus, master, frame.start, out);
+        }
+        self.ledger.judgement.clear();
+        let bits = self.watch.hear(frame, &mut self.ledger.judgement.findings);
+        let n = out.next_number();
+        let mark = Mark { n, start: frame.start, uncertainty: frame.uncertainty };
+        let facts = match id {
+            Some(id) => {
+                let is_repeating = self.watch.is_repeating();
+                let now = Now { frame, id, data: frame.bytes(), mark, bits, is_repeating };
+                self.look(&now)
+            }
+            None => self.glance(frame),
+        };
+        self.tell(bus, (frame, bits), facts, out);
+        self.last = (frame.start, frame.uncertainty);
+    }
+
+    /// Whether time jumped back by more than the stamps' ±.
+    fn runs_backwards(&self, frame: &Frame) -> bool {
+        let (last, uncertainty) = self.last;
+        let stamps = i64::from(uncertainty) + i64::from(frame.uncertainty);
+        frame.start.since(last).is_some_and(|ns| ns < -stamps)
+    }
+
+    fn look(&mut self, now: &Now<'_>) -> Facts {
+        let facts = self.ledger.look(now);
+        if now.frame.is_cut() {
+            // The frame on the wire was longer: what is missing is not its sender's fault.
+            let blamed = [&codes::MALFORMED, &codes::SIZE_MISMATCH, &codes::FRAGMENT_SEQUENCE];
+            self.ledger.judgement.findings.retain(|finding| !blamed.contains(&finding.code));
+        }
+        facts
+    }
+
+    /// What a frame is that says nothing about the bus's state.
+    fn glance(&mut self, frame: &Frame) -> Facts {
+        if frame.kind == FrameKind::Error {
+            return Facts::new(kind::CAN_ERROR);
+        }
+        if is_foreign(frame) {
+            self.ledger.judgement.find(Finding::new(&codes::FOREIGN_FRAME));
+            return Facts::new(kind::FOREIGN);
+        }
+        self.ledger.glance(frame)
+    }
+
+    fn tell(
+        &self,
+        bus: &BusInfo,
+        (frame, bits): (&Frame, Option<u16>),
+        facts: Facts,
+        out: &mut Output<'_>,
+    ) {
+        let assembly = |place: Option<usize>| place.and_then(|it| self.ledger.assemblies.get(it));
+        let bytes = |at: Bytes| {
+            let all = match at.assembly {
+                Some(place) => assembly(Some(place)).map_or(&[][..], |it| it.data()),
+                None => frame.bytes(),
+            };
+            all.get(at.start..)
+        };
+        let data = facts.data.and_then(bytes);
+        let message = Message {
+            frame: FrameFields::new(Some(frame)),
+            data,
+            value: facts.value(data),
+            io: facts.io.and_then(bytes),
+            fragments: assembly(facts.completes).map_or(&[], |it| it.numbers()),
+            facts,
+        };
+        let mut record =
+            Record::new(&PROTOCOL, facts.kind, (bus, self.wire), &message).of_frame(frame);
+        record.duration = can::duration(bits, self.wire);
+        record.station = facts.station.map(|mac| u16::from(mac.get()));
+        record.turn = facts.turn;
+        record.findings = &self.ledger.judgement.findings;
+        record.withheld = &self.ledger.judgement.withheld;
+        out.emit(record);
+    }
+
+    /// Tells what was due before `now`.
+    fn pass(&mut self, bus: &BusInfo, now: Moment, out: &mut Output<'_>) {
+        while let Some(told) = self.ledger.alarm(now) {
+            self.event(bus, told, out);
+        }
+    }
+
+    /// The slaves that the strobe before this one got no answer from.
+    fn miss_strobes(&mut self, bus: &BusInfo, master: MacId, now: Moment, out: &mut Output<'_>) {
+        for (slave, strobe) in self.ledger.missing_strobes(master) {
+            self.ledger.judgement.clear();
+            self.ledger.judgement.find(Finding::new(&codes::NO_STROBE_RESPONSE));
+            let (about, link) = (Some(strobe.n), Some(Link::Strobe));
+            self.event(bus, Told { at: now, about, station: Some(slave), link }, out);
+        }
+    }
+
+    /// Tells what is in the judgement as an event: never before what was told last.
+    fn event(&mut self, bus: &BusInfo, told: Told, out: &mut Output<'_>) {
+        let (last, uncertainty) = self.last;
+        let at = if last.is_after(told.at) { last } else { told.at };
+        let mut facts = Facts::new("event");
+        (facts.station, facts.link) = (told.station, told.link);
+        let message = Message {
+            frame: FrameFields::new(None),
+            facts,
+            data: None,
+            value: None,
+            io: None,
+            fragments: &[],
+        };
+        let findings = &self.ledger.judgement.findings;
+        let blank = Record::new(&PROTOCOL, "event", (bus, self.wire), &message);
+        let mut event = blank.of_event(at, findings);
+        event.uncertainty = uncertainty;
+        event.about = told.about;
+        event.station = told.station.map(|mac| u16::from(mac.get()));
+        out.emit(event);
+        self.last.0 = at;
+    }
+
+    fn lose(&mut self, bus: &BusInfo, loss: Loss, out: &mut Output<'_>) {
+        self.pass(bus, loss.start, out);
+        self.watch.lose();
+        self.ledger.lose();
+        can::lose(&PROTOCOL, (bus, self.wire), loss, out);
+    }
+}
+
+impl Dissector for DeviceNet {
+    fn hear(&mut self, bus: &BusInfo, heard: Event<'_>, out: &mut Output<'_>) {
+        match heard {
+            Event::Frames(frames) => {
+                frames.iter().for_each(|frame| self.frame(bus, frame, out));
+            }
+            Event::Lost(loss) => self.lose(bus, loss, out),
+            Event::Advance(now) => self.pass(bus, now, out),
+            Event::Characters(_) | Event::Break(_) | Event::Levels(_) => {}
+        }
+    }
+
+    fn finish(&mut self, bus: &BusInfo, end: Moment, out: &mut Output<'_>) {
+        self.pass(bus, end, out);
+        while let Some(told) = self.ledger.late_at_end(end) {
+            self.event(bus, told, out);
+        }
+        for finding in core::mem::take(&mut self.at_end) {
+            self.ledger.judgement.clear();
+            self.ledger.judgement.find(finding);
+            self.event(bus, Told { at: end, about: None, station: None, link: None }, out);
+        }
+    }
+
+    fn deadline(&self) -> Moment {
+        self.ledger.next
+    }
+
+    fn note(&mut self, finding: Finding) {
+        self.at_end.push(finding);
+    }
+
+    fn conclusions(&self) -> Vec<Conclusion> {
+        Vec::new()
+    }
+
+    fn load(&self) -> Option<Load> {
+        Some(*self.watch.load())
+    }
+}

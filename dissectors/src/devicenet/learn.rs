@@ -1,0 +1,205 @@
+//! What answers tell about connections: allocated, released, read and written.
+
+use super::allocation::{self, Choice};
+use super::codes;
+use super::connection::{CONNECTIONS, Connection, Instance, State as Stands};
+use super::defect::Defect;
+use super::explicit::Channel;
+use super::identifier::MacId;
+use super::layer::Facts;
+use super::ledger::{Ledger, Now};
+use super::message::{BodyFormat, service};
+use super::transactions::Request;
+use crate::event::Moment;
+
+/// The connection object (CIP Vol. 1, chapter 3).
+const CONNECTION: u16 = 5;
+
+/// The acknowledge handler (CIP Vol. 1, chapter 5).
+const ACKNOWLEDGE_HANDLER: u16 = 0x2B;
+
+/// Attributes of the connection object.
+mod attribute {
+    pub const TRANSPORT: u16 = 3;
+    pub const PRODUCED_SIZE: u16 = 7;
+    pub const CONSUMED_SIZE: u16 = 8;
+    pub const RATE: u16 = 9;
+    pub const WATCHDOG: u16 = 12;
+    pub const INHIBIT: u16 = 17;
+    pub const MULTIPLIER: u16 = 18;
+}
+
+/// The choices by the instance that they allocate.
+const CHOICES: [Choice; CONNECTIONS] = [
+    Choice::EXPLICIT,
+    Choice::POLL,
+    Choice::STROBE,
+    Choice::COS.and(Choice::CYCLIC),
+    Choice::MULTICAST,
+];
+
+impl Ledger {
+    /// A slave accepted an allocation.
+    pub fn allocated(
+        &mut self,
+        now: &Now<'_>,
+        channel: Channel,
+        (request, body): (&Request, &[u8]),
+        facts: &mut Facts,
+    ) {
+        let format = match *body {
+            [format] => format,
+            [format, ..] => {
+                facts.blame(Some(Defect::Excess));
+                format
+            }
+            [] => return facts.blame(Some(Defect::Missing)),
+        };
+        facts.body_format = Some(format & 0x0F);
+        facts.blame((format & 0xF0 != 0).then_some(Defect::ReservedBits));
+        let agreed = BodyFormat::of(format & 0x0F);
+        facts.blame(agreed.is_none().then_some(Defect::ReservedFormat));
+        let Ok((_, asked)) = allocation::allocate(request.data()) else { return };
+        let slave = channel.server;
+        let producing = Choice::COS.and(Choice::CYCLIC);
+        for (instance, choice) in Instance::ALL.into_iter().zip(CHOICES) {
+            // What a master sends by change of state or cyclically travels on the poll connection.
+            let is_poll = instance == Instance::Poll && !self.node(slave).has(Choice::POLL);
+            if asked.choice.has(choice) || is_poll && asked.choice.has(producing) {
+                self.end_states(slave, instance, now.mark.start);
+                let is_explicit = instance == Instance::Explicit;
+                let state = if is_explicit { Stands::Established } else { Stands::Configuring };
+                self.node(slave).connection(instance).allocate(state, now.mark.start);
+            }
+        }
+        let node = &mut self.nodes[slave.index()];
+        node.format = agreed;
+        node.owner = Some(channel.client);
+        let before = node.choice.unwrap_or_default();
+        node.choice = Some(before.and(asked.choice));
+        if asked.choice.has(producing) {
+            let other = if asked.choice.has(Choice::COS) { Choice::CYCLIC } else { Choice::COS };
+            let kept = before.without(other.and(Choice::NO_ACKNOWLEDGE));
+            node.choice = Some(kept.and(asked.choice));
+            (node.production, node.has_unexpected_ack) = (None, false);
+        }
+        if asked.choice.has(Choice::POLL) || asked.choice.has(producing) {
+            (node.poll, node.answers_polls) = (None, false);
+        }
+        if asked.choice.has(Choice::STROBE) {
+            (node.strobe, node.answers_strobes) = (None, false);
+            self.strobed |= slave.bit();
+        }
+        if asked.choice.has(Choice::MULTICAST) {
+            self.multicaster = Some(channel.client);
+        }
+    }
+
+    /// A slave gave connections back.
+    pub fn release(&mut self, now: &Now<'_>, slave: MacId, released: Choice) {
+        for (instance, choice) in Instance::ALL.into_iter().zip(CHOICES) {
+            if released.has(choice) {
+                self.end_states(slave, instance, now.mark.start);
+                let gone = Connection { state: Stands::Gone, ..Connection::default() };
+                *self.node(slave).connection(instance) = gone;
+            }
+        }
+        let node = &mut self.nodes[slave.index()];
+        let left = node.choice.unwrap_or_default().without(released);
+        node.choice = Some(left);
+        if released.has(Choice::EXPLICIT) {
+            (node.format, node.guess) = (None, None);
+        }
+        if left.without(Choice::NO_ACKNOWLEDGE) == Choice::default() {
+            node.owner = None;
+        }
+        if released.has(Choice::POLL) {
+            node.poll = None;
+        }
+        if released.has(Choice::COS.and(Choice::CYCLIC)) {
+            node.production = None;
+        }
+        if released.has(Choice::STROBE) {
+            self.strobed &= !slave.bit();
+        }
+    }
+
+    /// What a service that was done tells about the slave's connections.
+    pub fn learn(&mut self, now: &Now<'_>, slave: MacId, (request, body): (&Request, &[u8])) {
+        let target = request.target;
+        let instance = target.instance.and_then(Instance::of);
+        match (request.service, target.class, instance) {
+            (Some(service::GET), Some(CONNECTION), Some(instance)) => {
+                if let Some(attribute) = target.attribute {
+                    self.note(slave, instance, attribute, body);
+                }
+            }
+            (Some(service::SET), Some(CONNECTION), Some(instance)) => {
+                self.written(now, slave, instance, (request, body));
+            }
+            (Some(service::RESET), Some(CONNECTION), Some(instance)) => {
+                self.revive(slave, instance, now.mark.start);
+            }
+            (Some(service::DELETE), Some(CONNECTION), Some(instance)) => {
+                self.release(now, slave, CHOICES[instance.index()]);
+            }
+            (Some(code), Some(ACKNOWLEDGE_HANDLER), _) if target.attribute == Some(1) => {
+                let value = if code == service::GET { body } else { request.data() };
+                if let ([low, high], service::GET | service::SET) = (value, code) {
+                    self.node(slave).acknowledge_timer = Some(u16::from_le_bytes([*low, *high]));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn written(
+        &mut self,
+        now: &Now<'_>,
+        slave: MacId,
+        instance: Instance,
+        (request, body): (&Request, &[u8]),
+    ) {
+        let Some(attribute) = request.target.attribute else { return };
+        // The slave rounds the rate up to what its timer can do, and answers what it uses.
+        let is_told = attribute == attribute::RATE && body.len() == 2;
+        self.note(slave, instance, attribute, if is_told { body } else { request.data() });
+        if attribute == attribute::RATE && instance != Instance::Explicit {
+            self.revive(slave, instance, now.mark.start);
+        }
+    }
+
+    /// The value of an attribute of a connection.
+    fn note(&mut self, slave: MacId, instance: Instance, attribute: u16, value: &[u8]) {
+        let connection = self.node(slave).connection(instance);
+        match (attribute, value) {
+            (attribute::TRANSPORT, [transport]) => connection.is_mute = transport & 0x0F == 0,
+            (attribute::WATCHDOG, [action]) => connection.watchdog = Some(*action),
+            (attribute::MULTIPLIER, [code]) => connection.multiplier = *code,
+            (_, [low, high]) => {
+                let word = Some(u16::from_le_bytes([*low, *high]));
+                match attribute {
+                    attribute::PRODUCED_SIZE => connection.produced.size = word,
+                    attribute::CONSUMED_SIZE => connection.consumed.size = word,
+                    attribute::RATE => connection.rate = word,
+                    attribute::INHIBIT => connection.inhibit = word,
+                    _ => {}
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// An I/O connection is in use from now on.
+    pub fn revive(&mut self, slave: MacId, instance: Instance, now: Moment) {
+        let connection = self.nodes[slave.index()].connection(instance);
+        if connection.state == Stands::Gone {
+            return;
+        }
+        if connection.state == Stands::TimedOut {
+            self.judgement.end(&codes::CONNECTION_TIMEOUT, connection.since, now);
+        }
+        connection.establish(now);
+        self.wait_for(slave, instance);
+    }
+}

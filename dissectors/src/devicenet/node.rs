@@ -1,0 +1,132 @@
+//! What is known of one node.
+
+use super::allocation::Choice;
+use super::connection::{CONNECTIONS, Connection, Instance, Mark, State};
+use super::identifier::MacId;
+use super::message::{BodyFormat, Identity};
+use super::transactions::Transactions;
+use crate::event::Moment;
+
+/// A duplicate MAC ID check that is under way.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(super) struct Check {
+    /// The first request.
+    pub first: Mark,
+    /// The last request of it: they follow each other.
+    pub last: Moment,
+    /// The node was heard shortly before.
+    pub is_restart: bool,
+    /// Its outcome was told, or nothing is to be told.
+    pub is_told: bool,
+    /// Its time is over.
+    pub is_over: bool,
+    /// Nobody else is there: its requests are not acknowledged.
+    pub is_alone: bool,
+}
+
+/// A production that waits for its acknowledgement.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Production {
+    pub mark: Mark,
+    pub length: u8,
+    pub data: [u8; 8],
+    pub is_acknowledged: bool,
+    /// It was told that the acknowledgement is missing.
+    pub is_told: bool,
+}
+
+/// A command that waits for its answer.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Command {
+    pub mark: Mark,
+    /// When its answer began.
+    pub answered: Option<Moment>,
+}
+
+/// Requests that were not answered in a row.
+#[derive(Clone, Copy, Default, Debug)]
+pub(super) struct Silence {
+    pub count: u32,
+    /// Since when it is told as a lasting condition.
+    pub since: Option<Moment>,
+}
+
+/// One node of the bus.
+#[derive(Clone, Copy, Default, Debug)]
+pub(super) struct Node {
+    /// Vendor and serial number, once they were told.
+    pub identity: Option<Identity>,
+    /// When it last sent anything but a duplicate MAC ID check; unknown if never.
+    pub heard: Moment,
+    /// When it last finished a check; unknown if never.
+    pub online: Moment,
+    pub check: Option<Check>,
+    /// The body format of its explicit connection, once it was told.
+    pub format: Option<BodyFormat>,
+    /// The body format that a request's length gave away.
+    pub guess: Option<BodyFormat>,
+    pub owner: Option<MacId>,
+    /// The connections that are allocated; `None` until an Allocate or Release was seen.
+    pub choice: Option<Choice>,
+    pub connections: [Connection; CONNECTIONS],
+    /// The clients whose requests or answers were seen, by XID.
+    pub heard_clients: [u64; 2],
+    pub transactions: Transactions,
+    pub silence: Silence,
+    /// Since when its heartbeat tells of a fault.
+    pub fault: Option<Moment>,
+    /// Its acknowledge timer (class 2Bh attribute 1), in ms.
+    pub acknowledge_timer: Option<u16>,
+    pub production: Option<Production>,
+    /// Acknowledgements that were not asked for were told.
+    pub has_unexpected_ack: bool,
+    /// The last poll and strobe command.
+    pub poll: Option<Command>,
+    pub strobe: Option<Command>,
+    /// It has answered a poll, a strobe since it was allocated.
+    pub answers_polls: bool,
+    pub answers_strobes: bool,
+}
+
+impl Node {
+    pub const fn connection(&mut self, instance: Instance) -> &mut Connection {
+        &mut self.connections[instance.index()]
+    }
+
+    /// Whether these connections are allocated, as far as it was seen.
+    pub fn has(&self, choice: Choice) -> bool {
+        self.choice.is_some_and(|allocated| allocated.has(choice))
+    }
+
+    /// Whether any request or answer of a client's transactions was heard.
+    pub const fn knows_client(&self, client: MacId, xid: bool) -> bool {
+        self.heard_clients[xid as usize] & client.bit() != 0
+    }
+
+    /// Whether this request or answer is the first that is heard of a client's transactions.
+    pub fn hear_client(&mut self, client: MacId, xid: bool) -> bool {
+        let is_first = !self.knows_client(client, xid);
+        self.heard_clients[usize::from(xid)] |= client.bit();
+        is_first
+    }
+
+    /// Its connections are as after power-on.
+    pub fn restart(&mut self) {
+        (self.format, self.guess, self.owner) = (None, None, None);
+        self.choice = Some(Choice::default());
+        for connection in &mut self.connections {
+            *connection = Connection { state: State::Gone, ..Connection::default() };
+        }
+        (self.production, self.poll, self.strobe) = (None, None, None);
+        (self.answers_polls, self.answers_strobes) = (false, false);
+        self.transactions = Transactions::default();
+    }
+
+    /// What was lost may have been anything.
+    pub fn lose(&mut self) {
+        self.connections.iter_mut().for_each(Connection::lose);
+        (self.production, self.poll, self.strobe, self.check) = (None, None, None, None);
+        self.heard_clients = [0; 2];
+        self.transactions = Transactions::default();
+    }
+}

@@ -1,0 +1,250 @@
+//! The sentence of a DeviceNet record.
+
+use super::identifier::MacId;
+use super::layer::{Link, Message, kind};
+use super::message::{Fragment, Identity, Part, service};
+use super::names;
+use crate::can;
+use crate::field::{FieldId, Value};
+use crate::finding::Span;
+use crate::record::{Heard, Layer, Record};
+use core::fmt::{self, Write};
+
+/// Bytes that a sentence shows at most.
+const SHOWN: usize = 8;
+
+impl Layer for Message<'_> {
+    fn get(&self, field: FieldId) -> Value<'_> {
+        match field.checked_sub(can::FIELDS.len()) {
+            Some(own) => self.value(own),
+            None => self.frame.get(field),
+        }
+    }
+
+    fn summarize(&self, record: &Record<'_>, out: &mut dyn Write) -> fmt::Result {
+        match record.heard {
+            Heard::Frame(frame) => self.say_frame(frame, out),
+            _ => match record.findings.first() {
+                Some(finding) => finding.say(record, out),
+                None => write!(out, "nothing"),
+            },
+        }
+    }
+}
+
+impl Message<'_> {
+    fn say_frame(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
+        if let Some(fragment) = self.facts.fragment.filter(|it| it.part != Part::Last) {
+            return self.say_fragment(fragment, out);
+        }
+        match self.facts.kind {
+            kind::DUP_MAC_REQUEST => {
+                write!(out, "{} checks that its MAC ID is free", Mac(self.facts.source))?;
+                self.say_identity(out)
+            }
+            kind::DUP_MAC_RESPONSE => {
+                write!(out, "{} says that its MAC ID is taken", Mac(self.facts.source))?;
+                self.say_identity(out)
+            }
+            kind::EXPLICIT_REQUEST | kind::UNCONNECTED_REQUEST | kind::UCMM_REQUEST => {
+                self.say_request(out)
+            }
+            kind::EXPLICIT_RESPONSE | kind::UNCONNECTED_RESPONSE | kind::UCMM_RESPONSE => {
+                self.say_response(out)
+            }
+            kind::HEARTBEAT => self.say_heartbeat(frame.bytes(), out),
+            kind::SHUTDOWN => {
+                write!(out, "{} shuts down", Mac(self.facts.source))?;
+                match frame.bytes() {
+                    [.., low, high] => write!(out, ": code {:04X}h", word(*low, *high)),
+                    _ => Ok(()),
+                }
+            }
+            kind::RESERVED => write!(out, "reserved identifier {:03X}h", frame.id.value()),
+            kind::FOREIGN | kind::CAN_ERROR => can::summarize(frame, out),
+            kind::OWNERSHIP_REQUEST | kind::OWNERSHIP_RESPONSE => {
+                match self.facts.kind {
+                    kind::OWNERSHIP_REQUEST => write!(out, "a tool asks for the offline set")?,
+                    _ => write!(out, "the offline set is owned")?,
+                }
+                self.say_identity(out)
+            }
+            kind::COMM_FAULT_REQUEST | kind::COMM_FAULT_RESPONSE => {
+                self.say_fault(frame.bytes(), out)
+            }
+            _ => self.say_io(frame, out),
+        }
+    }
+
+    fn say_request(&self, out: &mut dyn Write) -> fmt::Result {
+        write!(out, "{} asks {}: ", Mac(self.facts.source), Mac(self.facts.destination))?;
+        if let (Some(allocation), Some(asked)) = (self.facts.allocation, self.facts.service) {
+            let verb = if asked.code == service::ALLOCATE { "Allocate" } else { "Release" };
+            write!(out, "{verb}")?;
+            for (index, name) in allocation.choice.names().enumerate() {
+                write!(out, "{}{name}", if index == 0 { " " } else { ", " })?;
+            }
+            return Ok(());
+        }
+        if self.facts.link == Some(Link::Ucmm) {
+            match self.facts.service.map(|asked| asked.code) {
+                Some(service::ALLOCATE) => return write!(out, "Open a connection"),
+                Some(service::RELEASE) => return write!(out, "Close the connection"),
+                _ => {}
+            }
+        }
+        self.service_and_target(out)?;
+        self.say_value(out)
+    }
+
+    fn say_response(&self, out: &mut dyn Write) -> fmt::Result {
+        let verb = if self.facts.error.is_some() { "refuses" } else { "answers" };
+        write!(out, "{} {verb} {}", Mac(self.facts.source), Mac(self.facts.destination))?;
+        if let Some(ns) = self.facts.response_time {
+            write!(out, " in {}", Span(ns))?;
+        }
+        write!(out, ": ")?;
+        if let Some((general, additional)) = self.facts.error {
+            write!(out, "error {general:02X}h, {}", names::status(general))?;
+            return match additional {
+                0xFF => Ok(()),
+                code => write!(out, " ({code:02X}h)"),
+            };
+        }
+        self.service_and_target(out)?;
+        if let Some(format) = self.facts.body_format {
+            write!(out, ", body format {format}")?;
+        }
+        self.say_value(out)
+    }
+
+    fn say_fragment(&self, fragment: Fragment, out: &mut dyn Write) -> fmt::Result {
+        if self.facts.source.is_some() {
+            write!(out, "{} ", Mac(self.facts.source))?;
+        }
+        match (fragment.part, self.facts.status) {
+            (Part::Acknowledge, Some(0)) => write!(out, "takes fragment {}", fragment.count)?,
+            (Part::Acknowledge, Some(1)) => {
+                write!(out, "rejects fragment {}: too much data", fragment.count)?;
+            }
+            (Part::Acknowledge, _) => write!(out, "acknowledges fragment {}", fragment.count)?,
+            (part, _) => write!(out, "{} fragment {}", part.name(), fragment.count)?,
+        }
+        match (fragment.part, self.facts.destination) {
+            (Part::Acknowledge, Some(mac)) => write!(out, " of {}", mac.get())?,
+            (_, Some(mac)) => write!(out, " to {}", mac.get())?,
+            _ => {}
+        }
+        if self.facts.service.is_some() {
+            write!(out, ": ")?;
+            self.service_and_target(out)?;
+        }
+        Ok(())
+    }
+
+    fn say_identity(&self, out: &mut dyn Write) -> fmt::Result {
+        match self.facts.identity {
+            Some(Identity { vendor, serial }) => {
+                write!(out, ": vendor {vendor}, serial {serial:08X}h")
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn say_heartbeat(&self, data: &[u8], out: &mut dyn Write) -> fmt::Result {
+        write!(out, "{} is ", Mac(self.facts.source))?;
+        let state = match data.get(4) {
+            Some(0) => "nonexistent",
+            Some(1) => "self-testing",
+            Some(2) => "in standby",
+            Some(3) => "operational",
+            Some(4) => "in a major recoverable fault",
+            Some(5) => "in a major unrecoverable fault",
+            _ => "alive",
+        };
+        write!(out, "{state}")?;
+        let flags = data.get(5).copied().unwrap_or_default();
+        for (bit, name) in
+            ["device fault", "user fault", "system fault", "event"].iter().enumerate()
+        {
+            if flags >> bit & 1 == 1 {
+                write!(out, ", {name}")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn say_fault(&self, data: &[u8], out: &mut dyn Write) -> fmt::Result {
+        if self.facts.kind == kind::COMM_FAULT_RESPONSE {
+            write!(out, "a faulted node answers")?;
+            return self.say_identity(out);
+        }
+        let what = match data.get(1) {
+            Some(0x4B) => "who is there",
+            Some(0x4C) => "identify",
+            Some(0x4D) => "take another MAC ID",
+            _ => "nothing known",
+        };
+        write!(out, "a tool asks faulted nodes: {what}")?;
+        self.say_identity(out)
+    }
+
+    fn say_io(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
+        let (from, to) = (Mac(self.facts.source), Mac(self.facts.destination));
+        match self.facts.kind {
+            kind::POLL_COMMAND if self.facts.source.is_some() => write!(out, "{from} polls {to}")?,
+            kind::POLL_COMMAND => write!(out, "poll of {to}")?,
+            kind::POLL_RESPONSE => write!(out, "{from} answers the poll")?,
+            kind::STROBE_COMMAND => write!(out, "{from} strobes its slaves")?,
+            kind::STROBE_RESPONSE => write!(out, "{from} answers the strobe")?,
+            kind::MULTICAST_POLL_COMMAND => write!(out, "multicast poll")?,
+            kind::MULTICAST_POLL_RESPONSE => write!(out, "{from} answers the multicast poll")?,
+            kind::COS => write!(out, "{from} tells a change of state")?,
+            kind::CYCLIC => write!(out, "{from} tells cyclically")?,
+            kind::IO_ACK if self.facts.source.is_some() => write!(out, "{from} acknowledges")?,
+            kind::IO_ACK => write!(out, "acknowledged to {to}")?,
+            _ => write!(out, "I/O {:03X}h", frame.id.value())?,
+        }
+        if let Some(ns) = self.facts.response_time {
+            write!(out, " in {}", Span(ns))?;
+        }
+        self.say_data(self.io, out)
+    }
+
+    /// The value of a known attribute in words, else the data.
+    fn say_value(&self, out: &mut dyn Write) -> fmt::Result {
+        match (self.value, names::attribute(self.facts.target)) {
+            (Some(value), Some(attribute)) => {
+                write!(out, ": {} {}", attribute.name, attribute.in_words(value))
+            }
+            _ => self.say_data(self.data, out),
+        }
+    }
+
+    fn say_data(&self, data: Option<&[u8]>, out: &mut dyn Write) -> fmt::Result {
+        let data = data.unwrap_or_default();
+        for (index, byte) in data.iter().take(SHOWN).enumerate() {
+            write!(out, "{}{byte:02X}", if index == 0 { ": " } else { " " })?;
+        }
+        match data.len() {
+            length if length > SHOWN => write!(out, " … ({length} bytes)"),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A MAC ID, or somebody.
+struct Mac(Option<MacId>);
+
+impl fmt::Display for Mac {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(mac) => write!(f, "{}", mac.get()),
+            None => f.write_str("somebody"),
+        }
+    }
+}
+
+const fn word(low: u8, high: u8) -> u16 {
+    u16::from_le_bytes([low, high])
+}

@@ -1,0 +1,321 @@
+//! I/O connections as a technician meets them. Master 0, encoder 23: 4BDh polls, 3D7h answers,
+//! 357h tells changes, 4BAh acknowledges them, 397h answers strobes, which are 400h.
+
+use crate::bus::{Told, findings, read};
+
+/// Allocates poll, four bytes in, none out, every 75 ms: eight frames, 1 ms each.
+const POLL: [(f64, &str); 8] = [
+    (0.0, "4BE#004B03010300"),
+    (1.0, "4BB#00CB00"),
+    (2.0, "4BC#000E050207"),
+    (3.0, "4BB#008E0400"),
+    (4.0, "4BC#000E050208"),
+    (5.0, "4BB#008E0000"),
+    (6.0, "4BC#00100502094B00"),
+    (7.0, "4BB#00904B00"),
+];
+
+fn with<'a>(before: &[(f64, &'a str)], after: &[(f64, &'a str)], end: f64) -> Vec<Told> {
+    read(&[before, after].concat(), end)
+}
+
+#[test]
+fn polls_and_their_answers() {
+    let told = with(&POLL, &[(10.0, "4BD#"), (11.0, "3D7#45230100"), (85.0, "4BD#")], 90.0);
+    assert_eq!(findings(&told), [""; 0]);
+    let (command, answer) = (&told[8], &told[9]);
+    assert_eq!(
+        (command.kind, command.get("source"), command.get("assumed")),
+        ("poll-command", "0", "")
+    );
+    assert_eq!((answer.get("request"), answer.get("response_time_ns")), ("9", "1000000"));
+    assert_eq!((answer.station, answer.get("io.data")), (Some(23), "45230100"));
+    assert_eq!(answer.summary, "23 answers the poll in 1.00 ms: 45 23 01 00");
+    assert_eq!(command.summary, "0 polls 23");
+}
+
+#[test]
+fn a_poll_without_an_answer_is_told_on_the_next() {
+    let told = with(
+        &POLL,
+        &[(10.0, "4BD#"), (85.0, "4BD#"), (86.0, "3D7#45230100"), (160.0, "4BD#"), (235.0, "4BD#")],
+        240.0,
+    );
+    assert_eq!(
+        findings(&told),
+        ["10 poll-command no-poll-response", "13 poll-command no-poll-response"]
+    );
+    // A late start: nothing says that 23 answers polls at all.
+    let told = read(&[(0.0, "4BD#"), (75.0, "4BD#"), (150.0, "4BD#")], 200.0);
+    assert_eq!(findings(&told), [""; 0]);
+    assert_eq!(told[0].get("assumed"), "allocation");
+}
+
+#[test]
+fn a_connection_times_out_after_four_times_its_rate() {
+    // The last poll at 10 ms; 4 x 75 ms later the slave gives up.
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#45230100"),
+            (1_000.0, "4BD#"),
+            (1_075.0, "4BD#"),
+            (1_150.0, "4BD#"),
+            (1_151.0, "3D7#45230100"),
+        ],
+        1_200.0,
+    );
+    assert_eq!(
+        findings(&told),
+        [
+            "11 event connection-timeout+",
+            "12 poll-command not-allocated",
+            "15 poll-response connection-timeout-",
+        ]
+    );
+    let event = &told[10];
+    assert_eq!((event.ns, event.about, event.station), (Some(310_000_000), Some(9), Some(23)));
+    assert_eq!(event.summary, "poll connection of 23 timed out: nothing for 300 ms");
+    // Nothing came at all: ten seconds.
+    let told = with(&POLL, &[], 10_006.0);
+    assert_eq!(findings(&told), [""; 0]);
+    let told = with(&POLL, &[], 10_008.0);
+    assert_eq!(findings(&told), ["9 event connection-timeout+"]);
+    // A gap: nothing is known of it.
+    let told = with(&POLL, &[(10.0, "4BD#"), (20.0, "lost"), (1_000.0, "4BD#")], 1_100.0);
+    assert_eq!(findings(&told), ["10 lost can.dropped"]);
+}
+
+#[test]
+fn a_released_connection_is_not_judged() {
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#45230100"),
+            (12.0, "4BE#004C030103"),
+            (13.0, "4BB#00CC"),
+            (500.0, "4BD#"),
+            (600.0, "4BD#"),
+        ],
+        2_000.0,
+    );
+    assert_eq!(findings(&told), ["13 poll-command not-allocated"]);
+}
+
+#[test]
+fn sizes_and_idle_are_states() {
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#4523010000"),
+            (30.0, "4BD#"),
+            (31.0, "3D7#4523010000"),
+            (50.0, "4BD#"),
+            (51.0, "3D7#452301"),
+            (70.0, "4BD#"),
+            (71.0, "3D7#"),
+            (90.0, "4BD#"),
+            (91.0, "3D7#45230100"),
+        ],
+        100.0,
+    );
+    assert_eq!(
+        findings(&told),
+        [
+            "10 poll-response size-mismatch+",
+            "14 poll-response size-mismatch+",
+            "16 poll-response idle+",
+            "18 poll-response idle- size-mismatch-",
+        ]
+    );
+    assert_eq!(told[9].codes.len(), 1);
+}
+
+#[test]
+fn the_rate_is_what_the_slave_answers() {
+    // Asked for 75 ms (4Bh), told 100 ms (64h): late after 150 ms, timed out after 400 ms.
+    let allocate = [
+        (0.0, "4BE#004B03015100"),
+        (1.0, "4BB#00CB00"),
+        (2.0, "4BC#00100504094B00"),
+        (3.0, "4BB#00906400"),
+    ];
+    let told = with(
+        &allocate,
+        &[(10.0, "357#01000000"), (150.0, "357#02000000"), (310.0, "357#03000000")],
+        320.0,
+    );
+    assert_eq!(findings(&told), ["7 cos late-production"]);
+    let told = with(&allocate, &[(10.0, "357#01000000")], 411.0);
+    assert_eq!(findings(&told), ["6 event connection-timeout+"]);
+    assert_eq!(told[5].ns, Some(410_000_000));
+    // Too early for the time-out, too late for the production.
+    let told = with(&allocate, &[(10.0, "357#01000000")], 300.0);
+    assert_eq!(findings(&told), ["6 event late-production"]);
+    assert_eq!((told[5].ns, told[5].about), (Some(160_000_000), Some(5)));
+}
+
+#[test]
+fn productions_are_acknowledged() {
+    let allocate = [(0.0, "4BE#004B03011100"), (1.0, "4BB#00CB00")];
+    let told = with(
+        &allocate,
+        &[
+            (10.0, "357#01000000"),
+            (11.0, "4BA#"),
+            (20.0, "357#02000000"),
+            (36.0, "357#02000000"),
+            (37.0, "4BA#"),
+            (50.0, "357#03000000"),
+        ],
+        100.0,
+    );
+    assert_eq!(findings(&told), ["6 cos io-unacknowledged", "9 event io-unacknowledged"]);
+    assert_eq!((told[3].kind, told[3].get("request")), ("io-ack", "3"));
+    assert_eq!(told[6].get("request"), "6");
+    assert_eq!((told[8].ns, told[8].about), (Some(74_000_000), Some(8)));
+    // Choice bit 6: no acknowledgement is due, and one is worth a note.
+    let allocate = [(0.0, "4BE#004B03015100"), (1.0, "4BB#00CB00")];
+    let told = with(&allocate, &[(10.0, "357#01000000"), (11.0, "4BA#"), (20.0, "4BA#")], 100.0);
+    assert_eq!(findings(&told), ["4 io-ack unexpected-ack"]);
+}
+
+#[test]
+fn the_inhibit_time_holds_between_productions() {
+    // Attribute 17 of instance 4: 20 ms (14h).
+    let told = with(
+        &[
+            (0.0, "4BE#004B03015100"),
+            (1.0, "4BB#00CB00"),
+            (2.0, "4BC#00100504111400"),
+            (3.0, "4BB#0090"),
+        ],
+        &[(10.0, "357#01000000"), (30.0, "357#02000000"), (45.0, "357#03000000")],
+        50.0,
+    );
+    assert_eq!(findings(&told), ["7 cos inhibit-violated"]);
+    // ± 1 µs each: 20 ms less 1 µs is undecided.
+    let undecided = with(
+        &[
+            (0.0, "4BE#004B03015100"),
+            (1.0, "4BB#00CB00"),
+            (2.0, "4BC#00100504111400"),
+            (3.0, "4BB#0090"),
+        ],
+        &[(10.0, "357#01000000"), (29.999, "357#02000000")],
+        50.0,
+    );
+    assert_eq!(undecided[5].withheld, ["devicenet.inhibit-violated"]);
+}
+
+#[test]
+fn the_kind_follows_the_allocation() {
+    for (allocate, production, command, answer) in [
+        ("4BE#004B03011100", "cos", "cos", "io-ack"),
+        ("4BE#004B03012100", "cyclic", "cyclic", "io-ack"),
+        ("4BE#004B03010300", "cos", "poll-command", "poll-response"),
+        ("4BE#004B03011300", "cos", "poll-command", "poll-response"),
+    ] {
+        let told = with(
+            &[(0.0, allocate), (1.0, "4BB#00CB00")],
+            &[(2.0, "357#01"), (3.0, "4BD#01"), (4.0, "3D7#01")],
+            5.0,
+        );
+        let kinds: Vec<&str> = told[2..].iter().map(|told| told.kind).collect();
+        assert_eq!(kinds, [production, command, answer], "{allocate}");
+    }
+}
+
+#[test]
+fn strobes_and_who_does_not_answer() {
+    let strobe = "400#0000800000000000";
+    let told = with(
+        &[
+            (0.0, "4BE#004B03010500"),
+            (1.0, "4BB#00CB00"),
+            (2.0, "4BC#00100503094B00"),
+            (3.0, "4BB#00904B00"),
+        ],
+        &[
+            (10.0, strobe),
+            (11.0, "397#01"),
+            (60.0, strobe),
+            (110.0, strobe),
+            (111.0, "397#02"),
+            (112.0, "397#02"),
+        ],
+        120.0,
+    );
+    assert_eq!(
+        findings(&told),
+        ["8 event no-strobe-response", "11 strobe-response unsolicited-response"]
+    );
+    assert_eq!((told[7].about, told[7].station), (Some(7), Some(23)));
+    assert_eq!((told[5].get("request"), told[5].get("destination")), ("5", "0"));
+}
+
+#[test]
+fn multicast_polls_need_an_allocation() {
+    let told = with(
+        &[(0.0, "401#01"), (1.0, "4BE#004B03010900"), (2.0, "4BB#00CB00")],
+        &[(3.0, "401#01"), (4.0, "317#02")],
+        10.0,
+    );
+    assert_eq!(findings(&told), [""; 0]);
+    assert_eq!((told[0].kind, told[3].kind), ("io", "multicast-poll-command"));
+    assert_eq!((told[4].kind, told[4].get("request")), ("multicast-poll-response", "4"));
+}
+
+#[test]
+fn fragmented_io_with_a_size_that_was_read() {
+    // Produced size 10: two fragments.
+    let allocate = [
+        (0.0, "4BE#004B03010300"),
+        (1.0, "4BB#00CB00"),
+        (2.0, "4BC#000E050207"),
+        (3.0, "4BB#008E0A00"),
+    ];
+    let told = with(
+        &allocate,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#0001020304050607"),
+            (12.0, "3D7#8108090A"),
+            (20.0, "4BD#"),
+            (21.0, "3D7#0001020304050607"),
+            (30.0, "4BD#"),
+            (31.0, "3D7#0001020304050607"),
+            (32.0, "3D7#82080900"),
+            (40.0, "4BD#"),
+            (41.0, "3D7#0001020304050607"),
+            (42.0, "3D7#810809"),
+        ],
+        50.0,
+    );
+    assert_eq!(told[6].get("io.data"), "0102030405060708090A");
+    assert_eq!((told[6].get("fragments"), told[6].get("request")), ("6 7", "5"));
+    assert_eq!((told[5].get("request"), told[5].get("io.data")), ("5", ""));
+    assert_eq!(
+        findings(&told),
+        [
+            // The last fragment of the second answer is missing, and then one in the middle.
+            "11 poll-response fragment-sequence",
+            "12 poll-response fragment-sequence",
+            "15 poll-response size-mismatch+",
+        ]
+    );
+}
+
+#[test]
+fn a_flood_is_told_with_its_cure() {
+    // 74 to 80 bits at 125 kbit/s every 1.5 ms: about 40 % of the bus.
+    let lines: Vec<(f64, &str)> =
+        (0..1_400).map(|n| (f64::from(n) * 1.5, "357#45230100")).collect();
+    let told = read(&lines, 2_200.0);
+    let found = findings(&told);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].ends_with("cos io-flood"), "{found:?}");
+}

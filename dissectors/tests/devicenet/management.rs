@@ -1,0 +1,99 @@
+//! Who is there: checks, restarts, heartbeats, and what does not belong on the bus.
+
+use crate::bus::{Heard, decode, findings, frame_ns, read};
+use fieldtap_dissectors::can::{Frame, FrameKind, Identifier};
+use fieldtap_dissectors::event::Moment;
+
+/// Vendor 468, serial 1, MAC ID 23.
+const CHECK: &str = "4BF#00D40101000000";
+
+#[test]
+fn a_node_that_is_switched_on_is_nothing_to_tell() {
+    let told = read(&[(0.0, CHECK), (1_000.0, CHECK), (3_000.0, "4BE#004B03010100")], 4_500.0);
+    assert_eq!(findings(&told), ["4 event no-response"]);
+    let told = read(&[(0.0, CHECK), (1_000.0, CHECK)], 4_500.0);
+    assert_eq!(findings(&told), [""; 0]);
+}
+
+#[test]
+fn a_node_that_was_on_line_restarts() {
+    // The second request comes before a second is over: told there. Its connections are gone.
+    let told = read(
+        &[
+            (0.0, "4BE#004B03010300"),
+            (1.0, "4BB#00CB00"),
+            (500.0, CHECK),
+            (1_490.0, CHECK),
+            (2_000.0, "4BD#"),
+        ],
+        2_500.0,
+    );
+    assert_eq!(findings(&told), ["4 dup-mac-request node-restart", "5 poll-command not-allocated"]);
+    // It asks once only.
+    let told = read(&[(0.0, "4BB#008E00"), (500.0, CHECK)], 2_500.0);
+    assert_eq!(findings(&told), ["3 event node-restart"]);
+    assert_eq!((told[2].ns, told[2].about), (Some(1_500_000_000), Some(2)));
+    // Long after it was heard.
+    assert_eq!(findings(&read(&[(0.0, "4BB#008E00"), (10_500.0, CHECK)], 12_500.0)), [""; 0]);
+}
+
+#[test]
+fn two_nodes_with_one_mac_id() {
+    let told = read(&[(0.0, "4BB#008E00"), (500.0, CHECK), (501.0, "4BF#80D40102000000")], 2_500.0);
+    assert_eq!(findings(&told), ["3 dup-mac-response duplicate-mac"]);
+    let told = read(&[(0.0, CHECK), (5_000.0, "4BF#00D40102000000")], 8_500.0);
+    assert_eq!(findings(&told), ["2 dup-mac-request duplicate-mac"]);
+}
+
+#[test]
+fn a_lone_node_is_not_acknowledged_and_does_not_restart() {
+    // 110 bits take 880 µs at 125 kbit/s: the request is sent again at once, for ever.
+    let lines: Vec<(f64, &str)> = (0..5_000).map(|n| (f64::from(n) * 0.9, CHECK)).collect();
+    let mut found = findings(&read(&lines, 6_000.0));
+    found.retain(|found| !found.ends_with("can.high-load"));
+    assert_eq!(found, ["9 dup-mac-request can.not-acknowledged"]);
+}
+
+#[test]
+fn a_fault_lasts_from_heartbeat_to_heartbeat() {
+    let [well, ill] = ["4BB#17CD010003000000", "4BB#17CD010004000000"];
+    let told = read(&[(0.0, well), (1_000.0, ill), (2_000.0, ill), (3_000.0, well)], 4_000.0);
+    assert_eq!(findings(&told), ["2 heartbeat device-fault+", "4 heartbeat device-fault-"]);
+    assert_eq!((told[1].get("source"), told[1].get("destination")), ("23", ""));
+    assert_eq!(told[1].summary, "23 is in a major recoverable fault");
+}
+
+#[test]
+fn what_does_not_belong_here() {
+    let at = |ms: i64| Moment::from_ns(ms * 1_000_000);
+    let heard = [
+        Heard::Frame(Frame::data(at(0), 0, Identifier::extended(0x1234_5678).unwrap(), &[1])),
+        Heard::Frame(Frame::new(at(1), 0, FrameKind::Remote, Identifier::Standard(0x42D), 2)),
+        Heard::Frame(Frame::new(at(2), 0, FrameKind::Fd, Identifier::Standard(0x42D), 12)),
+        Heard::Frame(frame_ns(3_000_000, "7C5#01")),
+        Heard::Frame(frame_ns(4_000_000, "7F5#01")),
+        Heard::Frame(frame_ns(5_000_000, "0C5#01")),
+        Heard::Frame(frame_ns(6_000_000, "605#01")),
+    ];
+    let told = decode(&heard, None);
+    assert_eq!(
+        findings(&told),
+        [
+            "1 foreign foreign-frame",
+            "2 foreign foreign-frame",
+            "3 foreign foreign-frame",
+            "4 reserved reserved-id",
+            "5 reserved reserved-id",
+        ]
+    );
+    assert_eq!((told[5].kind, told[6].kind), ("io", "io"));
+    assert_eq!((told[3].get("group"), told[4].get("group")), ("4", ""));
+}
+
+#[test]
+fn a_cut_frame_is_not_its_senders_fault() {
+    let mut cut = frame_ns(0, "4BC#000E");
+    cut.dlc = 5;
+    let told = decode(&[Heard::Frame(cut)], None);
+    assert_eq!(findings(&told), ["1 explicit-request can.truncated"]);
+}
