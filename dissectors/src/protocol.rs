@@ -1,6 +1,8 @@
 //! The list of protocols, and what each of them has to offer.
 
 use crate::can::{Frame, Load};
+use crate::devicenet::eds::Eds;
+use crate::devicenet::encoder::Devices;
 use crate::event::{Event, Moment};
 use crate::field::{Field, FieldId, Role};
 use crate::finding::{Code, Finding};
@@ -8,7 +10,7 @@ use crate::record::{BusInfo, Output};
 use crate::station::Stations;
 use crate::uart::{Character, Wire};
 use crate::{can, devicenet, slin, uart};
-use alloc::{boxed::Box, string::String, vec::Vec};
+use alloc::{boxed::Box, string::String, sync::Arc, vec::Vec};
 
 /// Every protocol that can be spoken on a bus, the most particular first: `auto` takes the first
 /// that the traffic speaks for. A new one is added here and nowhere else.
@@ -98,6 +100,10 @@ pub struct Settings {
     pub slin: slin::Settings,
     /// The limits that DeviceNet traffic is judged by.
     pub devicenet: devicenet::Settings,
+    /// DeviceNet stations whose encoder profile is known.
+    pub devices: Devices,
+    /// The makers' descriptions of DeviceNet devices.
+    pub eds: Arc<[Eds]>,
     /// Names and resolutions of stations.
     pub stations: Stations,
 }

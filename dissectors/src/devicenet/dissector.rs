@@ -3,9 +3,11 @@
 use super::alarms::Told;
 use super::codes;
 use super::connection::Mark;
+use super::encoders::Encoders;
 use super::identifier::{MacId, Port};
 use super::layer::{Bytes, Facts, Link, Message, kind};
 use super::ledger::{Ledger, Now, is_foreign};
+use super::names::Names;
 use super::{PROTOCOL, Settings};
 use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
 use crate::event::{Event, Loss, Moment};
@@ -20,6 +22,7 @@ pub struct DeviceNet {
     wire: Wire,
     watch: Watch,
     ledger: Ledger,
+    encoders: Encoders,
     /// The last stamp that was told, and its ±.
     last: (Moment, u32),
     at_end: Vec<Finding>,
@@ -33,6 +36,7 @@ impl DeviceNet {
             wire,
             watch: Watch::new(wire),
             ledger: Ledger::new(wire, settings.devicenet),
+            encoders: Encoders::new(&settings.devices, &settings.eds),
             last: (Moment::UNKNOWN, 0),
             at_end: Vec::new(),
         }
@@ -47,6 +51,7 @@ impl DeviceNet {
     fn frame(&mut self, bus: &BusInfo, frame: &Frame, out: &mut Output<'_>) {
         if self.runs_backwards(frame) {
             self.ledger.lose();
+            self.encoders.lose();
         }
         self.pass(bus, frame.start, out);
         let id = match (frame.kind, frame.id) {
@@ -102,7 +107,7 @@ impl DeviceNet {
     }
 
     fn tell(
-        &self,
+        &mut self,
         bus: &BusInfo,
         (frame, bits): (&Frame, Option<u16>),
         facts: Facts,
@@ -116,12 +121,23 @@ impl DeviceNet {
             };
             all.get(at.start..)
         };
-        let data = facts.data.and_then(bytes);
+        let (data, io) = (facts.data.and_then(bytes), facts.io.and_then(bytes));
+        let reading = self.encoders.reading(&facts, io);
+        let rate = facts.station.and_then(|mac| self.ledger.production_rate(mac));
+        let said = (data, reading.map(|(_, reading)| reading));
+        let findings = &mut self.ledger.judgement.findings;
+        self.encoders.hear(&facts, said, (frame.start, rate), findings);
+        let names = Names {
+            profile: self.encoders.profile(facts.station),
+            eds: self.encoders.eds(facts.station),
+        };
         let message = Message {
             frame: FrameFields::new(Some(frame)),
             data,
-            value: facts.value(data),
-            io: facts.io.and_then(bytes),
+            value: facts.value(data, &names),
+            io,
+            reading,
+            names,
             fragments: assembly(facts.completes).map_or(&[], |it| it.numbers()),
             facts,
         };
@@ -154,6 +170,10 @@ impl DeviceNet {
 
     /// Tells what is in the judgement as an event: never before what was told last.
     fn event(&mut self, bus: &BusInfo, told: Told, out: &mut Output<'_>) {
+        let findings = &mut self.ledger.judgement.findings;
+        if findings.iter().any(|finding| finding.code == &codes::NODE_RESTART) {
+            findings.extend(told.station.and_then(|mac| self.encoders.restart(mac)));
+        }
         let (last, uncertainty) = self.last;
         let at = if last.is_after(told.at) { last } else { told.at };
         let mut facts = Facts::new("event");
@@ -164,6 +184,8 @@ impl DeviceNet {
             data: None,
             value: None,
             io: None,
+            reading: None,
+            names: Names::default(),
             fragments: &[],
         };
         let findings = &self.ledger.judgement.findings;
@@ -180,6 +202,7 @@ impl DeviceNet {
         self.pass(bus, loss.start, out);
         self.watch.lose();
         self.ledger.lose();
+        self.encoders.lose();
         can::lose(&PROTOCOL, (bus, self.wire), loss, out);
     }
 }
@@ -217,7 +240,7 @@ impl Dissector for DeviceNet {
     }
 
     fn conclusions(&self) -> Vec<Conclusion> {
-        Vec::new()
+        self.encoders.conclusions().collect()
     }
 
     fn load(&self) -> Option<Load> {

@@ -1,10 +1,12 @@
 //! What a DeviceNet record knows: its kinds and its fields.
 
 use super::allocation::{Allocation, Choice};
+use super::cip;
 use super::defect::Defect;
+use super::encoder::{Assembly, Flags, Reading};
 use super::identifier::{MacId, Place};
 use super::message::{Fragment, Identity, Service, Target, service};
-use super::{cip, names};
+use super::names::{self, Names};
 use crate::can::{self, FrameFields};
 use crate::field::{Field, FieldId, Kind, List, Value, fields, joined};
 use crate::record::Turn;
@@ -212,6 +214,10 @@ pub(super) struct Message<'a> {
     pub value: Option<cip::Value<'a>>,
     /// I/O data.
     pub io: Option<&'a [u8]>,
+    /// What the I/O data of an encoder says.
+    pub reading: Option<(Assembly, Reading)>,
+    /// How the station's objects are read.
+    pub names: Names<'a>,
     /// Numbers of the records that make up the message.
     pub fragments: &'a [u64],
 }
@@ -274,7 +280,7 @@ fields! {
         "devicenet.class" (WORD, "", Plain) "object class; in a response the request's"
             => |t| t.facts.target.class.map(i64::from).into();
         "devicenet.class_name" (Kind::Text, "", Plain) "name of the class"
-            => |t| t.facts.target.class.and_then(names::class).into();
+            => |t| t.facts.target.class.and_then(|class| t.names.class(class)).into();
         "devicenet.instance" (WORD, "", Plain) "instance; 0 is the class itself"
             => |t| t.facts.target.instance.map(i64::from).into();
         "devicenet.attribute" (WORD, "", Plain) "attribute"
@@ -317,8 +323,19 @@ fields! {
         "devicenet.response_time_ns" (Kind::Int(i64::MIN, i64::MAX), "ns", ResponseTime)
             "stamp of the request to stamp of the response"
             => |t| t.facts.response_time.into();
-        "devicenet.io.data" (Kind::Hex, "", Plain) "I/O data"
-            => |t| t.io.map_or(Value::Absent, Value::Hex);
+        "devicenet.io.position" (Kind::Int(0, 4_294_967_295), "steps", Position)
+            "position of an encoder whose profile is known"
+            => |t| t.reading.map(|(_, reading)| i64::from(reading.position)).into();
+        "devicenet.io.alarm" (Kind::Bool, "", Plain) "alarm flag, where the assembly has one"
+            => |t| t.flag(Flags::alarm);
+        "devicenet.io.warning" (Kind::Bool, "", Plain) "warning flag, where the assembly has one"
+            => |t| t.flag(Flags::warning);
+        "devicenet.io.assembly" (WORD, "", Plain) "assembly instance, by the size of the data"
+            => |t| t.reading.map(|(assembly, _)| i64::from(assembly.instance())).into();
+        "devicenet.io.data" (Kind::Hex, "", Plain) "I/O data of which nothing else is known"
+            => |t| t.io
+                .filter(|_| t.reading.is_none())
+                .map_or(Value::Absent, Value::Hex);
     }
 }
 
@@ -343,11 +360,11 @@ impl List for Message<'_> {
 
 impl Facts {
     /// What the data means: a value that was read or is to be written.
-    pub fn value<'a>(&self, data: Option<&'a [u8]>) -> Option<cip::Value<'a>> {
+    pub fn value<'a>(&self, data: Option<&'a [u8]>, names: &Names<'_>) -> Option<cip::Value<'a>> {
         let Service { code, is_response } = self.service?;
         let carries = matches!((code, is_response), (service::GET, true) | (service::SET, false));
         let data = data.filter(|_| carries)?;
-        names::attribute(self.target)?.decode(data).ok()
+        names.decode(self.target, data)
     }
 }
 
@@ -362,8 +379,13 @@ impl Message<'_> {
         }
     }
 
-    fn attribute_name(&self) -> Option<&'static str> {
-        names::attribute(self.facts.target).map(|attribute| attribute.name)
+    fn attribute_name(&self) -> Option<&str> {
+        self.names.attribute_name(self.facts.target)
+    }
+
+    fn flag(&self, which: fn(Flags) -> Option<bool>) -> Value<'_> {
+        let flag = self.reading.and_then(|(_, reading)| which(reading.flags));
+        flag.map_or(Value::Absent, Value::Bool)
     }
 
     /// What is known of a service and what it is about, for the sentence.

@@ -117,6 +117,11 @@ impl Ledger {
         self.nodes[slave.index()].owner
     }
 
+    /// How often a slave's change-of-state connection produces at least, in ns, if known.
+    pub fn production_rate(&self, slave: MacId) -> Option<i64> {
+        self.nodes[slave.index()].connections[Instance::Production.index()].rate_ns()
+    }
+
     /// Something is waited for that is due then at the earliest.
     pub fn wait(&mut self, mac: Option<MacId>, due: Moment) {
         if let Some(mac) = mac {

@@ -26,6 +26,7 @@ mod dissector;
 mod dynamic;
 pub mod eds;
 pub mod encoder;
+mod encoders;
 mod explicit;
 mod flood;
 mod flow;

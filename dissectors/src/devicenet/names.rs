@@ -1,7 +1,85 @@
 //! What the numbers of a message are called: the one place where messages ask the tables.
 
 use super::cip;
+use super::eds::{Eds, Parameter};
+use super::encoder::Profile;
 use super::message::Target;
+use core::fmt::{self, Write};
+
+/// What is known of a station's objects: its profile, and its maker's description.
+#[derive(Clone, Copy, Default)]
+pub struct Names<'a> {
+    /// The profile that is bound to it.
+    pub profile: Option<Profile>,
+    /// Its EDS.
+    pub eds: Option<&'a Eds>,
+}
+
+impl<'a> Names<'a> {
+    /// A class.
+    #[must_use]
+    pub fn class(&self, class: u16) -> Option<&'static str> {
+        match self.profile {
+            Some(profile) => profile.class_name(class),
+            None => cip::class_name(class),
+        }
+    }
+
+    /// What the attribute that a message is about is called: by its maker, its profile, or CIP.
+    #[must_use]
+    pub fn attribute_name(&self, target: Target) -> Option<&'a str> {
+        match self.parameter(target) {
+            Some(parameter) => Some(&parameter.name),
+            None => self.attribute(target).map(|attribute| attribute.name),
+        }
+    }
+
+    /// The value of an attribute, where its type is known and the data fits it.
+    #[must_use]
+    pub fn decode<'d>(&self, target: Target, data: &'d [u8]) -> Option<cip::Value<'d>> {
+        match (self.attribute(target), self.parameter(target)) {
+            (Some(attribute), _) => attribute.decode(data).ok(),
+            (None, Some(parameter)) => parameter.kind.decode(data).ok(),
+            (None, None) => None,
+        }
+    }
+
+    /// Writes a value in words; false where nothing is known of the attribute.
+    ///
+    /// # Errors
+    /// Only where `out` fails.
+    pub fn say_value(
+        &self,
+        target: Target,
+        value: cip::Value<'_>,
+        out: &mut dyn Write,
+    ) -> Result<bool, fmt::Error> {
+        match (self.parameter(target), self.attribute(target)) {
+            (Some(parameter), _) => {
+                write!(out, ": {} {}", parameter.name, parameter.in_words(value))?;
+            }
+            (None, Some(attribute)) => {
+                write!(out, ": {} {}", attribute.name, attribute.in_words(value))?;
+            }
+            (None, None) => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    fn attribute(&self, target: Target) -> Option<&'static cip::Attribute> {
+        let attribute = u8::try_from(target.attribute?).ok()?;
+        let (class, instance) = (target.class?, target.instance?);
+        match self.profile {
+            Some(profile) => profile.attribute(class, instance, attribute),
+            None => cip::attribute(class, instance, attribute),
+        }
+    }
+
+    fn parameter(&self, target: Target) -> Option<&'a Parameter> {
+        let attribute = u8::try_from(target.attribute?).ok()?;
+        self.eds?.parameter(target.class?, target.instance?, attribute)
+    }
+}
 
 /// A service of a class.
 #[must_use]
@@ -13,19 +91,6 @@ pub fn service(code: u8, class: Option<u16>) -> Option<&'static str> {
 #[must_use]
 pub const fn unconnected_service(code: u8) -> Option<&'static str> {
     cip::unconnected_service_name(code)
-}
-
-/// A class.
-#[must_use]
-pub fn class(class: u16) -> Option<&'static str> {
-    cip::class_name(class)
-}
-
-/// The attribute that a message is about.
-#[must_use]
-pub fn attribute(target: Target) -> Option<&'static cip::Attribute> {
-    let attribute = u8::try_from(target.attribute?).ok()?;
-    cip::attribute(target.class?, target.instance?, attribute)
 }
 
 /// A general status code.

@@ -208,15 +208,16 @@ impl Message<'_> {
         if let Some(ns) = self.facts.response_time {
             write!(out, " in {}", Span(ns))?;
         }
-        self.say_data(self.io, out)
+        match self.reading {
+            Some((_, reading)) => write!(out, ": position {}, {}", reading.position, reading.flags),
+            None => self.say_data(self.io, out),
+        }
     }
 
     /// The value of a known attribute in words, else the data.
     fn say_value(&self, out: &mut dyn Write) -> fmt::Result {
-        match (self.value, names::attribute(self.facts.target)) {
-            (Some(value), Some(attribute)) => {
-                write!(out, ": {} {}", attribute.name, attribute.in_words(value))
-            }
+        match self.value {
+            Some(value) if self.names.say_value(self.facts.target, value, out)? => Ok(()),
             _ => self.say_data(self.data, out),
         }
     }

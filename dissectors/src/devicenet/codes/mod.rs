@@ -18,10 +18,11 @@ pub use network::{
     DEVICE_FAULT, DUPLICATE_MAC, FOREIGN_FRAME, NODE_RESTART, RESERVED_ID, SHUTDOWN,
 };
 
+use super::encoder::codes as encoder;
 use crate::finding::Code;
 
 /// All of them.
-pub static CODES: [&Code; 30] = [
+pub static CODES: [&Code; 39] = [
     &MALFORMED,
     &RESERVED_ID,
     &DUPLICATE_MAC,
@@ -52,6 +53,15 @@ pub static CODES: [&Code; 30] = [
     &XID_BUSY,
     &DELTA_IGNORED,
     &IDLE,
+    &encoder::ALARM,
+    &encoder::WARNING,
+    &encoder::VALUE_OUT_OF_RANGE,
+    &encoder::NOT_SETTABLE,
+    &encoder::UNSAVED_PARAMETER,
+    &encoder::PRESET_WHILE_MOVING,
+    &encoder::POSITION_OUT_OF_RANGE,
+    &encoder::TURNS_NOT_POWER_OF_TWO,
+    &encoder::WRITTEN,
 ];
 
 const SUPPLY: &str =

@@ -20,6 +20,10 @@ pub use rules::{
 pub use watch::Watch;
 
 use crate::devicenet::cip::{self, Attribute, class};
+use alloc::collections::BTreeMap;
+
+/// Which stations are to be read by which profile, by MAC ID.
+pub type Devices = BTreeMap<u16, Profile>;
 
 /// How a station's objects and I/O data are to be read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
