@@ -4,6 +4,7 @@ use crate::clock::At;
 use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use dissectors::devicenet::encoder::Profile as DeviceProfile;
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::slin::checksum::Rule;
 use dissectors::slin::{ChecksumChoice, Profile};
@@ -97,6 +98,14 @@ pub struct Decoding {
     /// Names and resolutions of stations (TOML).
     #[arg(long, value_name = "FILE", help_heading = "Bus")]
     pub stations: Option<PathBuf>,
+
+    /// DeviceNet: how the objects of a station are read, such as 23=baumer-encoder (repeatable).
+    #[arg(long = "device", value_name = "STATION=PROFILE", value_parser = device, help_heading = "DeviceNet")]
+    pub devices: Vec<(u16, DeviceProfile)>,
+
+    /// DeviceNet: the maker's description of a device, an EDS file (repeatable).
+    #[arg(long, value_name = "FILE", help_heading = "DeviceNet")]
+    pub eds: Vec<PathBuf>,
 
     /// How the table shows times.
     #[arg(long, value_name = "STYLE", default_value = "relative", help_heading = "Output")]
@@ -227,6 +236,16 @@ fn bitrate(text: &str) -> Result<Baud, String> {
 
 fn format(text: &str) -> Result<Format, String> {
     text.parse().map_err(|error: dissectors::uart::FormatError| error.to_string())
+}
+
+/// A MAC ID and the name of a profile.
+fn device(text: &str) -> Result<(u16, DeviceProfile), String> {
+    let names = DeviceProfile::NAMES.map(|(name, _)| name).join(" or ");
+    let wrong = || format!("not a station and its profile, such as 23=baumer-encoder: {names}");
+    let (station, name) = text.split_once('=').ok_or_else(wrong)?;
+    let station = station.parse().ok().filter(|station| *station <= 63).ok_or_else(wrong)?;
+    let known = DeviceProfile::NAMES.into_iter().find(|(known, _)| *known == name);
+    known.map(|(_, profile)| (station, profile)).ok_or_else(wrong)
 }
 
 fn frequency(text: &str) -> Result<u64, String> {

@@ -98,6 +98,22 @@ fn severities_are_those_of_the_contract() {
     assert_eq!(
         errors,
         [
+            "can.bus-off",
+            "can.crc",
+            "can.error-frame",
+            "can.form",
+            "can.stuff",
+            "can.truncated",
+            "devicenet.connection-timeout",
+            "devicenet.device-fault",
+            "devicenet.duplicate-mac",
+            "devicenet.fragment-sequence",
+            "devicenet.fragment-unacknowledged",
+            "devicenet.malformed",
+            "devicenet.no-poll-response",
+            "devicenet.no-response",
+            "devicenet.reserved-id",
+            "devicenet.size-mismatch",
             "slin.address-mismatch",
             "slin.checksum",
             "slin.duplicate-address",
@@ -112,13 +128,43 @@ fn severities_are_those_of_the_contract() {
     infos.sort_unstable();
     assert_eq!(
         infos,
-        ["slin.ambiguous", "slin.glitch", "slin.never-answered", "slin.no-data-words"]
+        [
+            "devicenet.delta-ignored",
+            "devicenet.idle",
+            "devicenet.not-allocated",
+            "devicenet.unexpected-ack",
+            "devicenet.xid-busy",
+            "slin.ambiguous",
+            "slin.glitch",
+            "slin.never-answered",
+            "slin.no-data-words"
+        ]
     );
     let mut warnings = with("warning");
     warnings.sort_unstable();
     assert_eq!(
         warnings,
         [
+            "can.dropped",
+            "can.high-load",
+            "can.not-acknowledged",
+            "can.overload",
+            "can.wrong-bitrate",
+            "devicenet.allocation-invalid",
+            "devicenet.allocation-refused",
+            "devicenet.error-response",
+            "devicenet.foreign-frame",
+            "devicenet.fragment-rejected",
+            "devicenet.fragment-retry",
+            "devicenet.inhibit-violated",
+            "devicenet.io-flood",
+            "devicenet.io-unacknowledged",
+            "devicenet.late-production",
+            "devicenet.late-response",
+            "devicenet.no-strobe-response",
+            "devicenet.node-restart",
+            "devicenet.shutdown",
+            "devicenet.unsolicited-response",
             "slin.early-response",
             "slin.late-answer",
             "slin.late-response",

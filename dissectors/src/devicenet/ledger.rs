@@ -147,26 +147,18 @@ impl Ledger {
     pub fn look(&mut self, now: &Now<'_>) -> Facts {
         let mut facts = Facts::new(kind::RESERVED);
         facts.place = Place::of(now.id);
-        if let Some((dynamic, from_server)) = self.dynamics.of(now.id) {
-            self.dynamic(now, dynamic, from_server, &mut facts);
-            self.hear(if from_server { dynamic.server } else { dynamic.client }, now);
-        } else {
-            let port = Port::of(now.id);
-            self.port(now, port, &mut facts);
-            match port.sender() {
-                Some(_) if matches!(port, Port::DuplicateMac(_)) => {}
-                Some(sender) => self.hear(sender, now),
-                None => {}
-            }
+        match self.dynamics.of(now.id) {
+            Some((dynamic, from_server)) => self.dynamic(now, dynamic, from_server, &mut facts),
+            None => self.port(now, Port::of(now.id), &mut facts),
+        }
+        let is_check = matches!(facts.kind, kind::DUP_MAC_REQUEST | kind::DUP_MAC_RESPONSE);
+        if let Some(source) = facts.source.filter(|_| !is_check) {
+            self.node(source).heard = now.mark.start;
         }
         if facts.defect.is_some() {
             self.judgement.find(Finding::new(&codes::MALFORMED));
         }
         facts
-    }
-
-    fn hear(&mut self, sender: MacId, now: &Now<'_>) {
-        self.node(sender).heard = now.mark.start;
     }
 
     fn port(&mut self, now: &Now<'_>, port: Port, facts: &mut Facts) {

@@ -11,6 +11,7 @@ use super::ledger::{Ledger, Now};
 use super::message::{self, BodyFormat, service};
 use super::node::Silence;
 use super::request::DEVICENET;
+use super::timing::Verdict;
 use super::transactions::Request;
 use crate::finding::Finding;
 use crate::record::Turn;
@@ -92,6 +93,10 @@ impl Ledger {
         let verdict = self.timing.above(ns, limit, uncertainty);
         let finding = Finding::new(&codes::LATE_RESPONSE).actual(ns).limit(limit);
         self.judgement.judge(verdict, finding);
+        let limit = self.settings.no_response_ns;
+        if self.timing.above(ns, limit, uncertainty) == Verdict::Withheld {
+            self.judgement.judge(Verdict::Withheld, Finding::new(&codes::NO_RESPONSE));
+        }
     }
 
     /// The server answers again.

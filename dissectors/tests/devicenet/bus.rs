@@ -123,13 +123,28 @@ pub fn script(lines: &[(f64, &str)]) -> Vec<Heard> {
 
 /// Decodes what is heard, at 125 kbit/s, with the capture's end.
 pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
+    let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
     let mut recorder = Recorder::default();
+    hear(heard, end, settings, &mut recorder);
+    recorder.0
+}
+
+/// The protocol that is found, where none is given.
+pub fn protocol_of(heard: &[Heard]) -> &'static str {
+    struct Nobody;
+    impl Sink for Nobody {
+        fn record(&mut self, _: &Record<'_>) {}
+    }
+    let bus = hear(heard, None, Settings::default(), &mut Nobody);
+    bus.protocol().map_or("", |protocol| protocol.name)
+}
+
+fn hear(heard: &[Heard], end: Option<i64>, settings: Settings, sink: &mut dyn Sink) -> Bus {
     let mut number = 0;
     let info = BusInfo::new("can0", Some(Clock::Kernel));
     let facts = WireFacts { baud: Baud::new(125_000), ..WireFacts::default() };
-    let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
     let mut bus = Bus::new(info, facts, settings);
-    let mut out = Output::new(&mut number, &mut recorder);
+    let mut out = Output::new(&mut number, sink);
     for heard in heard {
         match heard {
             Heard::Frame(frame) => bus.hear(Event::Frames(&[*frame]), &mut out),
@@ -143,7 +158,7 @@ pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
         }
     }
     bus.finish(end.map_or(Moment::UNKNOWN, Moment::from_ns), &mut out);
-    recorder.0
+    bus
 }
 
 /// Decodes a script, with the capture's end in ms.

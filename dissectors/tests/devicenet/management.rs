@@ -1,6 +1,6 @@
 //! Who is there: checks, restarts, heartbeats, and what does not belong on the bus.
 
-use crate::bus::{Heard, decode, findings, frame_ns, read};
+use crate::bus::{Heard, decode, findings, frame_ns, protocol_of, read, script};
 use fieldtap_dissectors::can::{Frame, FrameKind, Identifier};
 use fieldtap_dissectors::event::Moment;
 
@@ -35,6 +35,13 @@ fn a_node_that_was_on_line_restarts() {
     assert_eq!((told[2].ns, told[2].about), (Some(1_500_000_000), Some(2)));
     // Long after it was heard.
     assert_eq!(findings(&read(&[(0.0, "4BB#008E00"), (10_500.0, CHECK)], 12_500.0)), [""; 0]);
+}
+
+#[test]
+fn a_master_that_was_on_line_restarts() {
+    let check = "407#00010092396060";
+    let told = read(&[(0.0, "4BC#000E010101"), (1.0, "4BB#008ED401"), (500.0, check)], 2_500.0);
+    assert_eq!(findings(&told), ["4 event node-restart"]);
 }
 
 #[test]
@@ -88,6 +95,16 @@ fn what_does_not_belong_here() {
     );
     assert_eq!((told[5].kind, told[6].kind), ("io", "io"));
     assert_eq!((told[3].get("group"), told[4].get("group")), ("4", ""));
+}
+
+#[test]
+fn the_protocol_is_found_from_the_frames() {
+    let found = |frames: &[&str]| {
+        let lines: Vec<(f64, &str)> = (0..).map(f64::from).zip(frames.iter().copied()).collect();
+        protocol_of(&script(&lines))
+    };
+    assert_eq!(found(&["407#00010092396060", "416#004B03010100", "415#04", "0C5#01"]), "devicenet");
+    assert_eq!(found(&["7DF#02010C", "7E8#04410C1AF8", "0F1#1C050240", "415#04"]), "can");
 }
 
 #[test]
