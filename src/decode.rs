@@ -9,7 +9,9 @@ use crate::say;
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
+use anyhow::Context;
 use dissectors::can;
+use dissectors::devicenet::eds::{self, Eds};
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
 use dissectors::protocol::Settings;
@@ -17,8 +19,11 @@ use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::slin;
 use dissectors::station::Stations;
 use dissectors::uart::LineSettings;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Exit statuses, as scripts rely on them.
 pub const DONE: u8 = 0;
@@ -234,7 +239,7 @@ fn source_options(decoding: &Decoding) -> SourceOptions {
 /// What the user decided about the bus.
 ///
 /// # Errors
-/// The file of stations cannot be used.
+/// A file of stations or of a device cannot be used.
 pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     let inverted = match decoding.invert {
         Invert::Auto => None,
@@ -253,7 +258,27 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         line,
         can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
+        devices: decoding.devices.iter().copied().collect(),
+        eds: read_eds(&decoding.eds, decoding.quiet)?,
         stations,
         ..Settings::default()
     })
+}
+
+/// Reads the makers' descriptions. What is wrong in them is said, and the rest is used.
+fn read_eds(paths: &[PathBuf], is_quiet: bool) -> anyhow::Result<Arc<[Eds]>> {
+    let read = |path: &PathBuf| {
+        let failed = || format!("{}: cannot be read", path.display());
+        let mut bytes = Vec::new();
+        let limit = eds::MAX_FILE as u64 + 1;
+        File::open(path)
+            .and_then(|file| file.take(limit).read_to_end(&mut bytes))
+            .with_context(failed)?;
+        let (eds, warnings) = eds::parse(&bytes);
+        for warning in warnings.iter().filter(|_| !is_quiet) {
+            say!("fieldtap: warning: {}: {warning}", path.display());
+        }
+        Ok(eds)
+    };
+    paths.iter().map(read).collect()
 }
