@@ -1,4 +1,4 @@
-//! A SLIN bus that exists only here: encoders that turn, a master that asks, and faults on order.
+//! Buses that exist only here: encoders that turn, masters that ask, and faults on order.
 //!
 //! ```text
 //! plan -> bus (master, encoders, faults) -> line (levels over time) -> tap -> capture
@@ -6,123 +6,31 @@
 //! ```
 //!
 //! It is the other side of the analyzer and shares nothing with it: what is sent is encoded here
-//! from the makers' manuals, and what must be found is told by an account of its own. Where the two
-//! sides disagree, one of them has misread the manuals.
+//! from the makers' manuals and the specifications, and what must be found is told by an account of
+//! its own. Where the two sides disagree, one of them has misread the manuals.
 //!
-//! Everything goes over one model of the line. The character forms hold what a receiver hears
-//! there, the others its level. So a collision, a glitch or a wrong rate looks as it does on a real
-//! bus without a rule of its own.
+//! Each bus has a room of its own. Above them stands what every bus needs: chance, time, shafts
+//! that turn, and captures of line levels.
 
-mod account;
-mod bus;
 mod chance;
-mod chars;
-mod encoder;
-mod exchange;
-mod fault;
-mod inject;
-mod jump;
-mod line;
-mod master;
-mod memory;
+pub mod devicenet;
+mod level;
 mod motion;
-mod ongoing;
-mod other_protocol;
-mod pcapng;
-mod plan;
-mod receiver;
+mod order;
 mod samples;
+pub mod slin;
 mod sr;
-mod tap;
 mod time;
-mod truth;
 mod vcd;
-mod word;
 
-pub use chars::Chars;
-pub use encoder::Profile;
-pub use fault::{Fault, Order};
 pub use motion::Motion;
-pub use pcapng::Pcapng;
-pub use plan::{Length, MAX_BITS, Plan, Station, address};
+pub use order::Orderable;
 pub use samples::Sampler;
 pub use sr::Sr;
-pub use tap::{Tap, Uart};
 pub use time::{MS, Ps, seconds};
 pub use vcd::Vcd;
-pub use word::Checksum;
 
-use anyhow::{Context, Result};
-use bus::{Bus, Turn};
-use other_protocol::OtherBus;
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
-use std::io::Write;
-use tap::Stretch;
-
-/// How long the line is watched after the last exchange: until nobody waits for anything.
-const QUIET: Ps = 25 * MS;
-
-/// Something that talks on a line.
-trait Traffic {
-    /// What there is to tell of it beforehand.
-    fn facts(&self) -> Value;
-
-    /// The next exchange, or `None` when it is over.
-    fn turn(&mut self) -> Option<Turn>;
+/// Bytes as upper-case hex digits.
+fn hex(bytes: impl Iterator<Item = u8>) -> String {
+    bytes.map(|byte| format!("{byte:02X}")).collect()
 }
-
-/// What took place.
-#[derive(Default, Debug)]
-pub struct Summary {
-    /// Requests.
-    pub exchanges: u64,
-    /// How long it took.
-    pub duration: Ps,
-    /// How often each fault struck.
-    pub faults: BTreeMap<String, u64>,
-}
-
-/// Lets the bus run, and writes what the tap hears of it and what is true. Times of the truth are
-/// counted from `start_ns`.
-///
-/// # Errors
-/// The capture or the truth cannot be written.
-pub fn run(
-    plan: Plan,
-    mut tap: Box<dyn Tap>,
-    mut truth: Option<Box<dyn Write>>,
-    start_ns: i64,
-) -> Result<Summary> {
-    let mut traffic: Box<dyn Traffic> = if plan.has(Fault::NotSlin) {
-        Box::new(OtherBus::new(plan))
-    } else {
-        Box::new(Bus::new(plan))
-    };
-    let mut summary = Summary::default();
-    if let Some(truth) = &mut truth {
-        writeln!(truth, "{}", json!({ "bus": traffic.facts() })).context(TRUTH)?;
-    }
-    while let Some(Turn { line, until, gap, mut told }) = traffic.turn() {
-        tap.hear(&Stretch { spans: &line.spans(), until, gap })?;
-        summary.exchanges += 1;
-        summary.duration = until;
-        if let Some(fault) = &told.fault {
-            *summary.faults.entry(fault.clone()).or_default() += 1;
-        }
-        if let Some(truth) = &mut truth {
-            told.time_ns += start_ns;
-            told.end_ns += start_ns;
-            serde_json::to_writer(&mut *truth, &told).context(TRUTH)?;
-            writeln!(truth).context(TRUTH)?;
-        }
-    }
-    summary.duration += QUIET;
-    tap.end(summary.duration)?;
-    if let Some(mut truth) = truth {
-        truth.flush().context(TRUTH)?;
-    }
-    Ok(summary)
-}
-
-const TRUTH: &str = "cannot write the truth";

@@ -28,7 +28,7 @@ pub struct Drive {
     pub cycle: Ps,
 }
 
-/// A shaft with an encoder of some bits.
+/// A shaft with an encoder.
 pub struct Shaft {
     drive: Drive,
     /// Number of positions.
@@ -45,14 +45,14 @@ pub struct Shaft {
 }
 
 impl Shaft {
-    /// A shaft at this position.
-    pub fn new(bits: u32, position: u32, drive: Drive, mut chance: Chance) -> Self {
+    /// A shaft at this position of so many, one at least.
+    pub fn new(positions: u32, position: u32, drive: Drive, mut chance: Chance) -> Self {
         let speed = match drive.motion {
             Motion::Still => 0.0,
             Motion::Steady if chance.happens(0.5) => -drive.speed * chance.within(0.3, 1.0),
             _ => drive.speed * chance.within(0.3, 1.0),
         };
-        let circle = f64::from(1_u32 << bits);
+        let circle = f64::from(positions);
         let position = f64::from(position);
         Shaft { drive, circle, position, speed, wanted: speed, change_at: 0, now: 0, chance }
     }
@@ -107,7 +107,7 @@ mod tests {
 
     fn positions(motion: Motion, bits: u32, start: u32) -> Vec<u32> {
         let drive = Drive { motion, speed: 2_000.0, cycle: 10 * MS };
-        let mut shaft = Shaft::new(bits, start, drive, Chance::new(1, 1));
+        let mut shaft = Shaft::new(1 << bits, start, drive, Chance::new(1, 1));
         (0..1_000).map(|look| shaft.position_at(look * 10 * MS)).collect()
     }
 

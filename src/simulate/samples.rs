@@ -1,6 +1,6 @@
 //! A tap that samples the line's level, as logic analyzers do.
 
-use super::tap::{Stretch, Tap};
+use super::level::Low;
 use super::time::{Ps, S};
 use anyhow::Result;
 
@@ -44,18 +44,24 @@ impl<C: Samples> Sampler<C> {
         self.taken += new;
         if new > 0 { self.capture.run(level, new) } else { Ok(()) }
     }
-}
 
-impl<C: Samples> Tap for Sampler<C> {
-    fn hear(&mut self, stretch: &Stretch<'_>) -> Result<()> {
-        for low in stretch.spans {
+    /// Watches the line up to this time: low in these spans, which are in order, else high.
+    ///
+    /// # Errors
+    /// The capture cannot be written.
+    pub fn watch(&mut self, spans: &[Low], until: Ps) -> Result<()> {
+        for low in spans {
             self.sample(self.idle, low.from)?;
             self.sample(!self.idle, low.to)?;
         }
-        self.sample(self.idle, stretch.until)
+        self.sample(self.idle, until)
     }
 
-    fn end(mut self: Box<Self>, at: Ps) -> Result<()> {
+    /// The capture ends here.
+    ///
+    /// # Errors
+    /// The capture cannot be written.
+    pub fn finish(mut self, at: Ps) -> Result<()> {
         self.sample(self.idle, at)?;
         self.capture.end()
     }
@@ -77,7 +83,6 @@ pub fn rate_in_words(rate: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::line::Low;
 
     #[derive(Default)]
     struct Runs(Vec<(bool, u64)>);
@@ -99,9 +104,9 @@ mod tests {
         let spans =
             [Low { from: 1_000_000, to: 2_500_000 }, Low { from: 3_200_000, to: 3_800_000 }];
         let mut runs = Runs::default();
-        let mut tap = Box::new(Sampler::new(1_000_000, false, &mut runs));
-        tap.hear(&Stretch { spans: &spans, until: 6_000_000, gap: None }).unwrap();
-        tap.end(8_000_000).unwrap();
+        let mut tap = Sampler::new(1_000_000, false, &mut runs);
+        tap.watch(&spans, 6_000_000).unwrap();
+        tap.finish(8_000_000).unwrap();
         assert_eq!(runs.0, [(true, 1), (false, 2), (true, 1), (true, 2), (true, 2)]);
     }
 

@@ -3,7 +3,17 @@
 
 use crate::harness::{argument, codes, fieldtap, here};
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// The protocols whose captures are read here.
+const PROTOCOLS: [&str; 2] = ["uart", "slin"];
+
+/// Whether a capture is one of these protocols'.
+fn is_read(folder: &str, file: &Path) -> bool {
+    let is_log = file.extension().is_some_and(|ending| ending == "log");
+    let protocol = folder.split('-').next().unwrap_or_default();
+    folder == "good" || folder == "manuals" && !is_log || PROTOCOLS.contains(&protocol)
+}
 
 /// Folders of `captures/` and the files in them.
 fn captures() -> Vec<(String, Vec<PathBuf>)> {
@@ -18,8 +28,10 @@ fn captures() -> Vec<(String, Vec<PathBuf>)> {
     folders
         .map(|folder| {
             let name = folder.file_name().and_then(|name| name.to_str()).expect("UTF-8").to_owned();
-            (name, entries(folder))
+            let files = entries(folder).into_iter().filter(|file| is_read(&name, file)).collect();
+            (name, files)
         })
+        .filter(|(_, files): &(String, Vec<PathBuf>)| !files.is_empty())
         .collect()
 }
 

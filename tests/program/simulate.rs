@@ -1,6 +1,8 @@
 //! The simulator through the built program: its captures, its forms, its manners.
 
 use crate::harness::{Run, Scratch, argument, fieldtap, here};
+use serde_json::json;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -8,7 +10,11 @@ fn simulate(arguments: &[&str]) -> Run {
     fieldtap(["simulate", "slin"].iter().chain(arguments))
 }
 
-/// File and options of each row of captures/README.md that was simulated.
+fn simulate_devicenet(arguments: &[&str]) -> Run {
+    fieldtap(["simulate", "devicenet"].iter().chain(arguments))
+}
+
+/// File and arguments of each row of captures/README.md that was simulated.
 fn simulated_captures(table: &str) -> Vec<(&str, Vec<&str>)> {
     let rows = table.lines().filter(|line| line.starts_with("| `"));
     rows.filter_map(|row| {
@@ -23,7 +29,7 @@ fn simulated_captures(table: &str) -> Vec<(&str, Vec<&str>)> {
 fn the_captures_are_what_the_table_says() {
     let table = fs::read_to_string(here("captures/README.md")).unwrap();
     let captures = simulated_captures(&table);
-    assert!(captures.len() > 60);
+    assert!(captures.len() > 120);
     let scratch = Scratch::new();
     for (file, options) in captures {
         let kept = fs::read(here("captures").join(file)).unwrap();
@@ -33,9 +39,41 @@ fn the_captures_are_what_the_table_says() {
         }
         let form = file.rsplit('.').next().unwrap();
         let made = scratch.path(&format!("made.{form}"));
-        simulate(&[&["-q", "-o", argument(&made)], &options[..]].concat()).good();
+        let output = ["-q", "-o", argument(&made)];
+        fieldtap(["simulate"].iter().chain(&options).chain(&output)).good();
         assert!(fs::read(made).unwrap() == kept, "{file} is not what {options:?} makes");
     }
+}
+
+/// The generator says of its own captures that the fault of their folder is in them.
+#[test]
+fn devicenet_captures_hold_the_fault_of_their_folder() {
+    let table = fs::read_to_string(here("captures/README.md")).unwrap();
+    let scratch = Scratch::new();
+    let truth = scratch.path("truth.jsonl");
+    let is_faulty = |file: &str| !file.starts_with("good") && !file.starts_with("manuals");
+    let mut codes = BTreeSet::new();
+    for (file, options) in simulated_captures(&table) {
+        if options[0] != "devicenet" || !is_faulty(file) {
+            continue;
+        }
+        let form = file.rsplit('.').next().unwrap();
+        let made = scratch.path(&format!("made.{form}"));
+        let output = ["-q", "-o", argument(&made), "--truth", argument(&truth)];
+        fieldtap(["simulate"].iter().chain(&options).chain(&output)).good();
+        let code = file.split_once('/').unwrap().0.replacen('-', ".", 1);
+        let text = fs::read_to_string(&truth).unwrap();
+        let told = |line: serde_json::Value| {
+            line["code"] == *code
+                || line["bus"]["expect"].as_array().is_some_and(|all| all.contains(&json!(code)))
+        };
+        let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
+        assert!(lines.into_iter().any(told), "{file}");
+        codes.insert(code);
+    }
+    let list = simulate_devicenet(&["--list-faults"]).good().stdout;
+    let all = list.lines().map(|line| line.split_whitespace().nth(1).unwrap().to_owned());
+    assert_eq!(codes, all.collect());
 }
 
 #[test]
@@ -56,9 +94,14 @@ fn every_file_is_in_the_table() {
 
 #[test]
 fn the_simulator_shares_nothing_with_the_dissectors() {
-    let mut files = vec![here("src/commands/simulate.rs")];
-    let room = fs::read_dir(here("src/simulate")).unwrap();
-    files.extend(room.map(|entry| entry.unwrap().path()));
+    let mut files = Vec::new();
+    let mut rooms = vec![here("src/commands/simulate"), here("src/simulate")];
+    while let Some(room) = rooms.pop() {
+        for entry in fs::read_dir(room).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { rooms.push(path) } else { files.push(path) }
+        }
+    }
     assert!(files.len() > 20);
     for file in files {
         let text = fs::read_to_string(&file).unwrap();
@@ -85,7 +128,7 @@ fn the_truth_has_a_line_an_exchange() {
     let struck = lines.iter().filter(|line| line["fault"] == "parity");
     assert!(struck.clone().count() > 3);
     for line in struck {
-        assert_eq!(line["expect"], serde_json::json!(["slin.parity"]));
+        assert_eq!(line["expect"], json!(["slin.parity"]));
     }
 }
 
@@ -116,4 +159,53 @@ fn faults_are_listed_with_their_codes() {
     let text = simulate(&["--list-faults"]).good().stdout;
     assert!(text.lines().count() >= 25);
     assert!(text.contains("slin.checksum") && text.contains("wrong under every reading"));
+}
+
+#[test]
+fn the_truth_of_a_devicenet_bus_has_a_line_a_frame() {
+    let scratch = Scratch::new();
+    let (log, truth) = (scratch.path("bus.log"), scratch.path("truth.jsonl"));
+    let files = ["-o", argument(&log), "--truth", argument(&truth)];
+    let options = ["--duration", "8", "--start-time", "1000", "--fault", "no-poll-response=0.05"];
+    simulate_devicenet(&[&files[..], &options].concat()).good();
+    let lines: Vec<serde_json::Value> = fs::read_to_string(&truth)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines[0]["bus"]["encoders"][2]["mac"], 23);
+    let frames = lines.iter().filter(|line| line["frame"].is_u64());
+    let log = fs::read_to_string(&log).unwrap();
+    // The log stamps the end of a frame, in µs.
+    for (line, frame) in log.lines().zip(frames.clone()) {
+        let end = frame["end_ns"].as_i64().unwrap() / 1_000;
+        let (id, data) = (frame["id"].as_str().unwrap(), frame["data"].as_str().unwrap());
+        let expected = format!("({:010}.{:06}) can0 {id}#{data}", end / 1_000_000, end % 1_000_000);
+        assert_eq!(line, expected);
+    }
+    assert_eq!(log.lines().count(), frames.count());
+    let struck: Vec<_> = lines.iter().filter(|line| line["fault"].is_string()).collect();
+    assert!(struck.len() > 3);
+    assert!(struck.iter().all(|line| line["code"] == "devicenet.no-poll-response"));
+}
+
+#[test]
+fn a_devicenet_bus_that_cannot_be_is_refused() {
+    for (options, reason) in [
+        (&["-o", "x.mp3"][..], "names no form"),
+        (&["-o", "x.log", "--bitrate", "1M"], "125k, 250k or 500k"),
+        (&["-o", "x.log", "--encoders", "64"], "a MAC ID is 0 to 63"),
+        (&["-o", "x.log", "--encoders", "0"], "the scanner's"),
+        (&["-o", "x.log", "--mode", "9=cos"], "not in --encoders"),
+        (&["-o", "x.log", "--fault", "alarm"], "--assembly 2"),
+        (&["-o", "x.log", "--fault", "truncated"], "only pcapng"),
+        (&["-o", "x.sr", "--fault", "bus-off"], "line levels have none"),
+        (&["-o", "x.sr", "--samplerate", "200k"], "2 samples a bit"),
+        (&["-o", "x.log", "--lone"], "alone on the bus"),
+    ] {
+        let refused = simulate_devicenet(options);
+        assert_eq!(refused.status, 2, "{options:?}");
+        assert!(refused.stderr.contains(reason), "{options:?}: {}", refused.stderr);
+        assert!(refused.stdout.is_empty() && !Path::new("x.log").exists());
+    }
 }

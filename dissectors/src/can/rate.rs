@@ -10,6 +10,9 @@ const RATES: [u32; 8] = [500_000, 250_000, 125_000, 1_000_000, 800_000, 100_000,
 /// How far a spacing may be off a rate's, in percent.
 const TOLERANCE: i64 = 3;
 
+/// Frames that follow each other this slowly, in ns, tell no rate.
+const LONGEST_NS: i64 = 1_000_000_000;
+
 /// Frames that must follow the one before without a pause.
 const ENOUGH: usize = 4;
 
@@ -20,7 +23,8 @@ pub(crate) fn bitrate_from_spacing(frames: &[Frame]) -> Option<(Baud, String)> {
     let spacings: Vec<(i64, i64)> = frames
         .windows(2)
         .filter_map(|pair| {
-            let ns = pair[1].start.since(pair[0].start).filter(|ns| *ns > 0)?;
+            let ns =
+                pair[1].start.since(pair[0].start).filter(|ns| (1..LONGEST_NS).contains(ns))?;
             let [before, this] = [&pair[0], &pair[1]].map(|frame| frame.bits().map(i64::from));
             Some((ns, before?.min(this?)))
         })
@@ -43,7 +47,7 @@ pub(crate) fn bitrate_from_spacing(frames: &[Frame]) -> Option<(Baud, String)> {
         (close >= ENOUGH && impossible.count() * 20 <= close).then_some((baud, close))
     };
     let (baud, close) = RATES.iter().filter_map(fits).max_by_key(|(_, close)| *close)?;
-    let all = spacings.len();
+    let all = frames.len() - 1;
     Some((baud, format!("{close} of {all} frames follow the one before without a pause")))
 }
 
