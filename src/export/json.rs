@@ -113,7 +113,9 @@ impl Layer<'_> {
         for group in self.fields.chunk_by(|a, b| a.shares_object(b, depth)) {
             if let Some(object) = group[0].object(depth) {
                 let layer = Layer { record, fields: group, first, depth: depth + 1 };
-                if (first..first + group.len()).any(|id| !record.get(id).is_absent()) {
+                // What carries bytes has the object of its protocol, be it empty.
+                let is_due = depth == 0 && record.has_bytes() && object == record.protocol.name;
+                if is_due || (first..first + group.len()).any(|id| !record.get(id).is_absent()) {
                     map.serialize_entry(object, &layer)?;
                 }
             } else {

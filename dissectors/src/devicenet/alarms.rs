@@ -165,8 +165,14 @@ impl Ledger {
             Missing::FragmentAcknowledge(place) => {
                 let assembly = self.assemblies.get_mut(place)?;
                 let awaiting = assembly.awaiting?;
-                let station = assembly.server;
+                let (station, first) = (assembly.server, assembly.numbers().first().copied());
                 assembly.give_up();
+                let request = station
+                    .zip(first)
+                    .and_then(|(mac, first)| self.nodes[mac.index()].transactions.by_number(first));
+                if let Some(request) = request {
+                    request.is_given_up = true;
+                }
                 let finding = Finding::new(&codes::FRAGMENT_UNACKNOWLEDGED);
                 self.judgement.find(finding.actual(i64::from(awaiting.sendings)));
                 let link = Some(Link::Explicit);

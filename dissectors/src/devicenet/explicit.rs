@@ -210,11 +210,13 @@ impl Ledger {
     fn abandon(&mut self, channel: Channel) {
         let own = self.assemblies.find(channel.key(channel.from_server));
         if let Some(assembly) = own.and_then(|place| self.assemblies.get_mut(place)) {
-            if let Some(expected) = assembly.unfinished() {
+            let unfinished = assembly.unfinished();
+            assembly.reset();
+            if let Some(expected) = unfinished {
                 let finding = Finding::new(&codes::FRAGMENT_SEQUENCE).expected(i64::from(expected));
                 self.judgement.find(finding);
+                self.give_up(channel);
             }
-            assembly.reset();
         }
         if channel.from_server {
             self.settle(channel);
@@ -253,6 +255,7 @@ impl Ledger {
             Step::Begins => {}
             Step::BeginsAnew { expected } => {
                 self.judgement.find(sequence.expected(i64::from(expected)));
+                self.give_up(channel);
             }
             Step::Continues => facts.request = assembly.request,
             Step::Completes => facts.request = assembly.request,
@@ -265,7 +268,7 @@ impl Ledger {
             Step::OutOfSequence { expected } => {
                 assembly.give_up();
                 self.judgement.find(sequence.expected(i64::from(expected)));
-                return;
+                return self.give_up(channel);
             }
             Step::Ignored => return,
             Step::Unseen => {
@@ -274,6 +277,7 @@ impl Ledger {
             }
             Step::TooLong => {
                 assembly.give_up();
+                self.give_up(channel);
                 return facts.blame(Some(Defect::TooLong));
             }
         }
@@ -285,6 +289,13 @@ impl Ledger {
             self.first_fragment(now, channel, text, place, facts);
         } else if step == Step::Completes {
             self.last_fragment(now, channel, place, facts);
+        }
+    }
+
+    /// A message is broken: if it is a request, no answer is waited for.
+    fn give_up(&mut self, channel: Channel) {
+        if !channel.from_server {
+            self.node(channel.server).transactions.give_up(channel.party());
         }
     }
 
@@ -368,7 +379,7 @@ impl Ledger {
             assembly.give_up();
             self.judgement.find(Finding::new(&codes::FRAGMENT_REJECTED));
             if channel.from_server {
-                self.node(channel.server).transactions.close(channel.party());
+                self.node(channel.server).transactions.give_up(channel.party());
             }
             return;
         }

@@ -79,7 +79,7 @@ impl Ledger {
             }
             return;
         }
-        node.transactions.close(channel.party());
+        node.transactions.close(&request);
         facts.target = request.target;
         facts.turn = Turn::Answers;
         let answered = request.answered.unwrap_or(now.mark.start);

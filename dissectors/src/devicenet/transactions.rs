@@ -37,7 +37,8 @@ pub(super) struct Request {
     pub target: Target,
     length: u8,
     data: [u8; KEPT],
-    /// It was told that no answer came.
+    /// Its answer is not waited for any more: that it did not come was told, it was broken on the
+    /// way, or a request like it was answered.
     pub is_given_up: bool,
     /// When the first fragment of the answer came.
     pub answered: Option<Moment>,
@@ -95,8 +96,12 @@ pub(super) struct Transactions {
 }
 
 impl Transactions {
-    /// Adds a request. Where too many wait, the oldest is forgotten.
+    /// Adds a request: those of its party that were given up are past. Where too many wait, the
+    /// oldest is forgotten.
     pub fn open(&mut self, request: Request) {
+        for slot in &mut self.waiting {
+            slot.take_if(|other| other.party == request.party && other.is_given_up);
+        }
         let free = self.waiting.iter().position(Option::is_none).unwrap_or(self.next);
         self.waiting[free] = Some(request);
         self.next = (free + 1) % WAITING;
@@ -116,17 +121,29 @@ impl Transactions {
             .max_by_key(|request| request.mark.map_or(0, |mark| mark.n))
     }
 
-    /// The request that this answer fits: the last one.
+    /// The request that this answer fits: the first that is waited for.
     pub fn answered(&mut self, party: Party, code: u8) -> Option<&mut Request> {
         let fitting = self.waiting.iter_mut().flatten().filter(|it| it.fits(party, code));
-        fitting.max_by_key(|request| request.mark.map_or(0, |mark| mark.n))
+        fitting.min_by_key(|request| (request.is_given_up, request.mark.map_or(0, |mark| mark.n)))
     }
 
-    /// Nothing of that party waits any more.
-    pub fn close(&mut self, party: Party) {
+    /// A request was answered. If its client asked again before, that may have been the answer to
+    /// both, or another is to come: it is no longer waited for.
+    pub fn close(&mut self, answered: &Request) {
         for slot in &mut self.waiting {
-            slot.take_if(|request| request.party == party);
+            slot.take_if(|request| {
+                request.party == answered.party && request.mark == answered.mark
+            });
+            if let Some(other) = slot.as_mut().filter(|other| other.party == answered.party) {
+                other.is_given_up = true;
+            }
         }
+    }
+
+    /// A party's requests did not get through: no answer is waited for.
+    pub fn give_up(&mut self, party: Party) {
+        let of_party = self.waiting.iter_mut().flatten().filter(|it| it.party == party);
+        of_party.for_each(|request| request.is_given_up = true);
     }
 
     /// All of them.
@@ -169,8 +186,29 @@ mod tests {
         assert_eq!(answered(true, 0x0E), None);
         // An error response (94h) answers any service.
         assert_eq!(answered(true, 0x14), Some(2));
-        waiting.close(party(true));
+        waiting.close(&asked(2, true, 0x10));
         assert!(waiting.is_busy(party(false)) && !waiting.is_busy(party(true)));
+    }
+
+    #[test]
+    fn two_requests_alike_may_have_one_answer_or_two() {
+        let mut waiting = Transactions::default();
+        waiting.open(asked(1, false, 0x0E));
+        waiting.open(asked(2, false, 0x0E));
+        for n in [1, 2] {
+            let request = *waiting.answered(party(false), 0x0E).unwrap();
+            assert_eq!(request.mark.map(|mark| mark.n), Some(n));
+            waiting.close(&request);
+            assert!(!waiting.is_busy(party(false)));
+        }
+        assert!(waiting.answered(party(false), 0x0E).is_none());
+        // One answer, and then the next request.
+        waiting.open(asked(3, false, 0x0E));
+        waiting.open(asked(4, false, 0x0E));
+        waiting.close(&asked(3, false, 0x0E));
+        waiting.open(asked(5, false, 0x0E));
+        let request = waiting.answered(party(false), 0x0E).and_then(|it| it.mark);
+        assert_eq!(request.map(|mark| mark.n), Some(5));
     }
 
     #[test]
