@@ -5,7 +5,7 @@ mod wire;
 use fieldtap_dissectors::bus::{Bus, Sampling, WireFacts};
 use fieldtap_dissectors::can::{self, Frame, FrameKind, Identifier};
 use fieldtap_dissectors::event::{Clock, Event, Levels, Moment};
-use fieldtap_dissectors::protocol::{Protocol, Settings};
+use fieldtap_dissectors::protocol::{Medium, Settings};
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
 use fieldtap_dissectors::uart::Baud;
 use proptest::collection::vec;
@@ -168,7 +168,7 @@ fn rate_and_polarity_are_found_whatever_they_are() {
             let edges = wire.edges(8.02, 0.4);
             let (heard, bus) = tap.hear_edges(&edges, &[0, edges[edges.len() - 1] + 1_000]);
             assert_eq!(heard.frames.len(), 30, "{bitrate} {is_inverted}");
-            assert_eq!(bus.protocol().map(|protocol| protocol.name), Some("can"));
+            assert_eq!(bus.protocol().map(|protocol| protocol.medium), Some(Medium::Can));
             assert_eq!(bus.is_inverted(), is_inverted);
             let found = bus.conclusions().into_iter().find(|it| it.subject == "bitrate").unwrap();
             assert_eq!(found.evidence, "30 of the first 30 frames have a good checksum");
