@@ -5,7 +5,7 @@ mod wire;
 use fieldtap_dissectors::bus::{Bus, Sampling, WireFacts};
 use fieldtap_dissectors::can::{self, Frame, FrameKind, Identifier};
 use fieldtap_dissectors::event::{Clock, Event, Levels, Moment};
-use fieldtap_dissectors::protocol::{Medium, Settings};
+use fieldtap_dissectors::protocol::{Medium, Protocol, Settings};
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
 use fieldtap_dissectors::uart::Baud;
 use proptest::collection::vec;
