@@ -225,7 +225,10 @@ impl Message<'_> {
     fn say_data(&self, data: Option<&[u8]>, out: &mut dyn Write) -> fmt::Result {
         let data = data.unwrap_or_default();
         for (index, byte) in data.iter().take(SHOWN).enumerate() {
-            write!(out, "{}{byte:02X}", if index == 0 { ": " } else { " " })?;
+            out.write_str(if index == 0 { ": " } else { " " })?;
+            // Formatting would take longer than all the rest of the sentence.
+            out.write_char(digit(byte >> 4))?;
+            out.write_char(digit(byte & 0xF))?;
         }
         match data.len() {
             length if length > SHOWN => write!(out, " … ({length} bytes)"),
@@ -240,10 +243,14 @@ struct Mac(Option<MacId>);
 impl fmt::Display for Mac {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            Some(mac) => write!(f, "{}", mac.get()),
+            Some(mac) => mac.get().fmt(f),
             None => f.write_str("somebody"),
         }
     }
+}
+
+fn digit(nibble: u8) -> char {
+    char::from(b"0123456789ABCDEF"[(nibble & 0xF) as usize])
 }
 
 const fn word(low: u8, high: u8) -> u16 {
