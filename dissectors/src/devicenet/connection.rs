@@ -116,8 +116,6 @@ pub(super) struct Connection {
     pub is_mute: bool,
     pub produced: Flow,
     pub consumed: Flow,
-    /// It was said that it is not allocated.
-    pub is_told: bool,
 }
 
 impl Connection {
@@ -166,7 +164,7 @@ impl Connection {
 
     /// It is in use from now on.
     pub fn establish(&mut self, now: Moment) {
-        (self.state, self.since, self.is_told) = (State::Established, now, false);
+        (self.state, self.since) = (State::Established, now);
         (self.produced.last, self.consumed.last) = (None, None);
     }
 

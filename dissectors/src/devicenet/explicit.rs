@@ -200,8 +200,7 @@ impl Ledger {
     /// I/O or requests on a connection that was released, timed out or went with a restart.
     pub fn tell_unallocated(&mut self, slave: MacId, instance: Instance) {
         let connection = self.nodes[slave.index()].connection(instance);
-        if !connection.is_judged() && !connection.is_told {
-            connection.is_told = true;
+        if !connection.is_judged() {
             self.judgement.find(Finding::new(&codes::NOT_ALLOCATED));
         }
     }

@@ -59,7 +59,11 @@ impl Ledger {
         if self.nodes[slave.index()].choice.is_none() {
             facts.assumed.add(Assumed::ALLOCATION);
         }
-        self.tell_unallocated(slave, instance);
+        // A slave that produces on a connection that timed out shows that it did not.
+        let stands = self.nodes[slave.index()].connections[instance.index()].state;
+        if stands == Stands::Gone || facts.source != Some(slave) {
+            self.tell_unallocated(slave, instance);
+        }
     }
 
     /// The poll before this one is told as unanswered here.
@@ -190,7 +194,10 @@ impl Ledger {
     }
 
     fn await_io_acknowledge(&mut self, now: &Now<'_>, slave: MacId, is_retry: bool) {
-        let expects = self.expects_acknowledge(slave);
+        // Before its rate is set the master may not know yet that the slave produces.
+        let connection = &self.nodes[slave.index()].connections[Instance::Production.index()];
+        let is_ready = connection.state != Stands::Configuring;
+        let expects = self.expects_acknowledge(slave) && is_ready;
         let limit = self.acknowledge_limit(slave);
         let node = &mut self.nodes[slave.index()];
         let was_told = node.production.is_some_and(|before| is_retry && before.is_told);
@@ -226,8 +233,7 @@ impl Ledger {
         (facts.source, facts.destination) = (self.owner(slave), Some(slave));
         self.begin_io(slave, Instance::Production, facts);
         let node = &mut self.nodes[slave.index()];
-        if node.has(PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) && !node.has_unexpected_ack {
-            node.has_unexpected_ack = true;
+        if node.has(PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) {
             self.judgement.find(Finding::new(&codes::UNEXPECTED_ACK));
         }
         if let Some(production) = &mut node.production
@@ -266,9 +272,11 @@ impl Ledger {
                     Some(owner) => owner == master,
                     None => self.last_strober == Some(master),
                 };
-                let since = strobe.start.since(connection.since).is_some_and(|ns| ns > 0);
+                // A slave that was just set up may not be in its master's strobe yet.
+                let settled = strobe.start.since(connection.since);
+                let is_settled = settled.is_some_and(|ns| ns > self.settings.settle_ns);
                 let is_due =
-                    node.answers_strobes || (connection.state == Stands::Established && since);
+                    node.answers_strobes || (connection.state == Stands::Established && is_settled);
                 let answered = node.strobe.is_some_and(|answered| answered.mark.n == strobe.n);
                 is_his && is_due && connection.is_judged() && !answered
             };

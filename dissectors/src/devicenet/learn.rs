@@ -81,7 +81,7 @@ impl Ledger {
             let other = if asked.choice.has(Choice::COS) { Choice::CYCLIC } else { Choice::COS };
             let kept = before.without(other.and(Choice::NO_ACKNOWLEDGE));
             node.choice = Some(kept.and(asked.choice));
-            (node.production, node.has_unexpected_ack) = (None, false);
+            node.production = None;
         }
         if asked.choice.has(Choice::POLL) || asked.choice.has(producing) {
             (node.poll, node.answers_polls) = (None, false);

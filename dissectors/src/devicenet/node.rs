@@ -78,8 +78,6 @@ pub(super) struct Node {
     /// Its acknowledge timer (class 2Bh attribute 1), in ms.
     pub acknowledge_timer: Option<u16>,
     pub production: Option<Production>,
-    /// Acknowledgements that were not asked for were told.
-    pub has_unexpected_ack: bool,
     /// The last poll and strobe command.
     pub poll: Option<Command>,
     pub strobe: Option<Command>,

@@ -22,6 +22,8 @@ pub struct Settings {
     pub check_spacing_ns: i64,
     /// A node that was heard within this, in ns, restarts when it checks its MAC ID.
     pub restart_ns: i64,
+    /// A slave whose rate was just set may be left out of its master's strobe for this long, in ns.
+    pub settle_ns: i64,
     /// A connection times out after this at the earliest while it waits for its first message, in
     /// ns.
     pub first_timeout_ns: i64,
@@ -39,6 +41,7 @@ impl Default for Settings {
             check_ns: 1_000_000_000,
             check_spacing_ns: 1_500_000_000,
             restart_ns: 10_000_000_000,
+            settle_ns: 2_000_000,
             first_timeout_ns: 10_000_000_000,
         }
     }

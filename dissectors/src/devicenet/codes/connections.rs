@@ -231,7 +231,7 @@ pub static NOT_ALLOCATED: Code = Code {
     is_cause: false,
     meaning: "A connection is used that was released, has timed out, or went with a restart.",
     rule: "A slave takes messages only on connections that are allocated and established (CIP Vol. 3, chapter 5).",
-    evidence: "The release, time-out or restart was seen, and no allocation since. Told on the first message.",
+    evidence: "The release, time-out or restart was seen, and no allocation since.",
     causes: &[
         "the master has not noticed yet that the slave timed out or restarted",
         "the slave's own rate is longer than what was seen",
@@ -251,7 +251,7 @@ pub static UNEXPECTED_ACK: Code = Code {
     is_cause: false,
     meaning: "A message is acknowledged though acknowledges were suppressed.",
     rule: "Choice bit 6 of Allocate suppresses acknowledges (CIP Vol. 3, chapter 5).",
-    evidence: "The allocation was seen. Told once an allocation.",
+    evidence: "The allocation was seen.",
     causes: &["the master's scan list does not fit its own allocation"],
     next: &["compare the acknowledge setting of the scan list: each needless frame costs bus time"],
     cure: Cure { one: "compare the acknowledge setting of", all: "compare the scan list" },
