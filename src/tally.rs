@@ -10,6 +10,9 @@ use std::collections::BTreeMap;
 /// Significant digits of response times.
 const DIGITS: u8 = 3;
 
+/// Requests to one station that may be open at once.
+const OPEN: usize = 4;
+
 /// First and last time of something.
 #[derive(Clone, Copy, Debug)]
 pub struct Period {
@@ -55,6 +58,10 @@ pub struct StationTally {
     pub period: Period,
     /// Its response times in ns.
     pub response_times: Histogram<u64>,
+    /// The last requests to it that were not answered yet; 0 is none.
+    open: [i64; OPEN],
+    /// The request that was answered last.
+    last_answered: Option<i64>,
 }
 
 /// One finding code at one station, or at none.
@@ -87,8 +94,6 @@ pub struct Tally {
     pub period: Option<Period>,
     /// Largest ± of a stamp in ns.
     pub uncertainty: u32,
-    /// The request that was asked last, and whose it was: the index of its station.
-    last_asked: Option<(u64, usize)>,
     /// Where the stations of each bus stand.
     places: Vec<Places>,
 }
@@ -132,6 +137,8 @@ impl Tally {
                 answers: 0,
                 period: Period::NEVER,
                 response_times: histogram(),
+                open: [0; OPEN],
+                last_answered: None,
             });
             stations.len() - 1
         })
@@ -146,13 +153,19 @@ impl Tally {
         tally.period.add(record.start);
         if record.turn == Turn::Asks {
             tally.asked += 1;
-            self.last_asked = Some((record.n, index));
+            tally.open.rotate_right(1);
+            tally.open[0] = record.n.cast_signed();
             return;
         }
         tally.answers += 1;
         let Value::Int(request) = record.by_role(Role::Request) else { return };
-        if self.last_asked.is_some_and(|(n, asked)| asked == index && n as i64 == request) {
-            self.last_asked = None;
+        // One request has one answer, but a command to many stations has many.
+        if tally.last_answered != Some(request) {
+            tally.last_answered = Some(request);
+            match tally.open.iter_mut().find(|open| **open == request) {
+                Some(open) => *open = 0,
+                None => tally.asked += 1,
+            }
             tally.answered += 1;
             if let Value::Int(ns) = record.by_role(Role::ResponseTime) {
                 // The histogram grows with its values.

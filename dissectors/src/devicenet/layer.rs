@@ -1,7 +1,7 @@
 //! What a DeviceNet record knows: its kinds and its fields.
 
 use super::allocation::{Allocation, Choice};
-use super::cip;
+use super::cip::{self, class};
 use super::defect::Defect;
 use super::encoder::{Assembly, Flags, Reading};
 use super::identifier::{MacId, Place};
@@ -391,16 +391,39 @@ impl Message<'_> {
     /// What is known of a service and what it is about, for the sentence.
     pub fn service_and_target(&self, out: &mut dyn core::fmt::Write) -> core::fmt::Result {
         let Some(service) = self.facts.service else { return write!(out, "no service") };
-        match self.service_name() {
-            Some(name) => write!(out, "{name}")?,
-            None => write!(out, "service {:02X}h", service.code)?,
-        }
-        let Target { class, instance, attribute } = self.facts.target;
-        for (what, number) in [("class", class), ("instance", instance), ("attribute", attribute)] {
-            if let Some(number) = number {
-                write!(out, " {what} {number}")?;
+        match (service.code, self.service_name()) {
+            (service::GET, _) => write!(out, "Get")?,
+            (service::SET, _) => write!(out, "Set")?,
+            (service::ALLOCATE, Some(_)) if self.facts.target.is(3, 1) => {
+                return write!(out, "Allocate");
             }
+            (service::RELEASE, Some(_)) if self.facts.target.is(3, 1) => {
+                return write!(out, "Release");
+            }
+            (_, Some(name)) => write!(out, "{name}")?,
+            (code, None) => write!(out, "service {code:02X}h")?,
         }
-        Ok(())
+        self.say_target(out)
+    }
+
+    /// What a service is about: by name as far as that is known, else by number.
+    fn say_target(&self, out: &mut dyn core::fmt::Write) -> core::fmt::Result {
+        let Target { class, instance, attribute } = self.facts.target;
+        match (self.attribute_name(), attribute) {
+            (Some(name), _) => write!(out, " {name}")?,
+            (None, Some(number)) => write!(out, " attribute {number}")?,
+            (None, None) => {}
+        }
+        let Some(number) = class else { return Ok(()) };
+        // Of most classes there is one instance; which connection it is matters.
+        let is_told = self.attribute_name().is_some() && instance == Some(1);
+        match (self.names.class(number), instance) {
+            _ if is_told && number != class::CONNECTION => Ok(()),
+            (Some(name), Some(1)) if number != class::CONNECTION => write!(out, " {name}"),
+            (Some(name), Some(instance)) => write!(out, " {name} {instance}"),
+            (Some(name), None) => write!(out, " {name}"),
+            (None, Some(instance)) => write!(out, " class {number:02X}h instance {instance}"),
+            (None, None) => write!(out, " class {number:02X}h"),
+        }
     }
 }

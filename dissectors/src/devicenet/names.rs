@@ -44,7 +44,7 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// Writes a value in words; false where nothing is known of the attribute.
+    /// Writes an attribute with its value in words.
     ///
     /// # Errors
     /// Only where `out` fails.
@@ -53,17 +53,16 @@ impl<'a> Names<'a> {
         target: Target,
         value: cip::Value<'_>,
         out: &mut dyn Write,
-    ) -> Result<bool, fmt::Error> {
-        match (self.parameter(target), self.attribute(target)) {
-            (Some(parameter), _) => {
-                write!(out, ": {} {}", parameter.name, parameter.in_words(value))?;
-            }
-            (None, Some(attribute)) => {
-                write!(out, ": {} {}", attribute.name, attribute.in_words(value))?;
-            }
-            (None, None) => return Ok(false),
+    ) -> fmt::Result {
+        if let Some(name) = self.attribute_name(target) {
+            write!(out, "{name} ")?;
         }
-        Ok(true)
+        write!(out, "{}", self.in_words(target, value))
+    }
+
+    /// A value in words, where its maker, its profile or CIP has any.
+    pub fn in_words<'v>(&self, target: Target, value: cip::Value<'v>) -> InWords<'a, 'v> {
+        InWords { parameter: self.parameter(target), attribute: self.attribute(target), value }
     }
 
     fn attribute(&self, target: Target) -> Option<&'static cip::Attribute> {
@@ -78,6 +77,23 @@ impl<'a> Names<'a> {
     fn parameter(&self, target: Target) -> Option<&'a Parameter> {
         let attribute = u8::try_from(target.attribute?).ok()?;
         self.eds?.parameter(target.class?, target.instance?, attribute)
+    }
+}
+
+/// A value that is to be shown.
+pub struct InWords<'a, 'v> {
+    parameter: Option<&'a Parameter>,
+    attribute: Option<&'static cip::Attribute>,
+    value: cip::Value<'v>,
+}
+
+impl fmt::Display for InWords<'_, '_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.parameter, self.attribute) {
+            (Some(parameter), _) => write!(out, "{}", parameter.in_words(self.value)),
+            (None, Some(attribute)) => write!(out, "{}", attribute.in_words(self.value)),
+            (None, None) => self.value.fmt(out),
+        }
     }
 }
 

@@ -94,28 +94,36 @@ impl Message<'_> {
             }
         }
         self.service_and_target(out)?;
-        self.say_value(out)
+        match self.value {
+            Some(value) => write!(out, " to {}", self.names.in_words(self.facts.target, value)),
+            None => self.say_data(self.data, out),
+        }
     }
 
     fn say_response(&self, out: &mut dyn Write) -> fmt::Result {
         let verb = if self.facts.error.is_some() { "refuses" } else { "answers" };
-        write!(out, "{} {verb} {}", Mac(self.facts.source), Mac(self.facts.destination))?;
-        if let Some(ns) = self.facts.response_time {
-            write!(out, " in {}", Span(ns))?;
+        write!(out, "{} {verb} {}: ", Mac(self.facts.source), Mac(self.facts.destination))?;
+        match (self.facts.error, self.value, self.facts.body_format) {
+            (Some((general, additional)), ..) => {
+                write!(out, "error {general:02X}h, {}", names::status(general))?;
+                if additional != 0xFF {
+                    write!(out, " ({additional:02X}h)")?;
+                }
+            }
+            (None, Some(value), _) => self.names.say_value(self.facts.target, value, out)?,
+            (None, None, Some(format)) => {
+                self.service_and_target(out)?;
+                write!(out, ", body format {format}")?;
+            }
+            (None, None, None) => {
+                self.service_and_target(out)?;
+                self.say_data(self.data, out)?;
+            }
         }
-        write!(out, ": ")?;
-        if let Some((general, additional)) = self.facts.error {
-            write!(out, "error {general:02X}h, {}", names::status(general))?;
-            return match additional {
-                0xFF => Ok(()),
-                code => write!(out, " ({code:02X}h)"),
-            };
+        match self.facts.response_time {
+            Some(ns) => write!(out, " in {}", Span(ns)),
+            None => Ok(()),
         }
-        self.service_and_target(out)?;
-        if let Some(format) = self.facts.body_format {
-            write!(out, ", body format {format}")?;
-        }
-        self.say_value(out)
     }
 
     fn say_fragment(&self, fragment: Fragment, out: &mut dyn Write) -> fmt::Result {
@@ -211,14 +219,6 @@ impl Message<'_> {
         match self.reading {
             Some((_, reading)) => write!(out, ": position {}, {}", reading.position, reading.flags),
             None => self.say_data(self.io, out),
-        }
-    }
-
-    /// The value of a known attribute in words, else the data.
-    fn say_value(&self, out: &mut dyn Write) -> fmt::Result {
-        match self.value {
-            Some(value) if self.names.say_value(self.facts.target, value, out)? => Ok(()),
-            _ => self.say_data(self.data, out),
         }
     }
 

@@ -15,7 +15,7 @@ fn an_answer_names_its_request_and_takes_its_time() {
     );
     assert_eq!(
         answer.summary,
-        "23 answers 0 in 1.20 ms: Get_Attribute_Single class 47 instance 1 attribute 12: 78 56 34 12"
+        "23 answers 0: Get attribute 12 class 2Fh instance 1: 78 56 34 12 in 1.20 ms"
     );
     assert_eq!(told[0].summary, "0 asks 23: Get_Attribute_Single class 47 instance 1 attribute 12");
 }
@@ -185,7 +185,7 @@ fn allocations_that_are_refused_or_invalid() {
             "5 unconnected-request allocation-invalid",
         ]
     );
-    assert_eq!(told[1].summary, "23 refuses 0 in 1.00 ms: error 0Ch, object state conflict (01h)");
+    assert_eq!(told[1].summary, "23 refuses 0: error 0Ch, object state conflict (01h) in 1.00 ms");
 }
 
 #[test]
