@@ -17,7 +17,7 @@ fn an_answer_names_its_request_and_takes_its_time() {
         answer.summary,
         "23 answers 0: Get attribute 12 class 2Fh instance 1: 78 56 34 12 in 1.20 ms"
     );
-    assert_eq!(told[0].summary, "0 asks 23: Get_Attribute_Single class 47 instance 1 attribute 12");
+    assert_eq!(told[0].summary, "0 asks 23: Get attribute 12 class 2Fh instance 1");
 }
 
 #[test]
