@@ -54,6 +54,7 @@ impl DeviceNet {
             self.encoders.lose();
         }
         self.pass(bus, frame.start, out);
+        self.restart_encoders(bus, frame.start, out);
         let id = match (frame.kind, frame.id) {
             (FrameKind::Data, Identifier::Standard(id)) if frame.crc != Some(false) => Some(id),
             _ => None,
@@ -158,6 +159,21 @@ impl DeviceNet {
         }
     }
 
+    /// Encoders that restarted after a longer time, which is no finding of its own, have lost what
+    /// was not saved as well.
+    fn restart_encoders(&mut self, bus: &BusInfo, now: Moment, out: &mut Output<'_>) {
+        while self.ledger.restarted != 0 {
+            let mac = MacId::of(self.ledger.restarted.trailing_zeros() as u8);
+            self.ledger.restarted &= !mac.bit();
+            if let Some(finding) = self.encoders.restart(mac) {
+                self.ledger.judgement.clear();
+                self.ledger.judgement.find(finding);
+                let told = Told { at: now, about: None, station: Some(mac), link: None };
+                self.event(bus, told, out);
+            }
+        }
+    }
+
     /// The slaves that the strobe before this one got no answer from.
     fn miss_strobes(&mut self, bus: &BusInfo, master: MacId, now: Moment, out: &mut Output<'_>) {
         for (slave, strobe) in self.ledger.missing_strobes(master) {
@@ -240,7 +256,7 @@ impl Dissector for DeviceNet {
     }
 
     fn conclusions(&self) -> Vec<Conclusion> {
-        self.encoders.conclusions().collect()
+        self.encoders.conclusions(|mac| self.ledger.node_state(mac))
     }
 
     fn load(&self) -> Option<Load> {

@@ -6,14 +6,22 @@
 use super::cip::class as object;
 use super::codes;
 use super::eds::{self, Eds};
-use super::encoder::{Assembly, Devices, Profile, Reading, Watch, baumer};
+use super::encoder::codes as encoder_codes;
+use super::encoder::{Assembly, Devices, Led, NodeState, Profile, Reading, Watch, baumer};
 use super::identifier::{MAC_IDS, MacId};
 use super::layer::{Facts, kind};
 use super::message::{Service, Target, service};
 use crate::event::Moment;
 use crate::finding::Finding;
 use crate::protocol::Conclusion;
-use alloc::{borrow::ToOwned, boxed::Box, format, string::String, sync::Arc, vec::Vec};
+use alloc::vec::Vec;
+use alloc::{borrow::ToOwned, boxed::Box, format, string::String, string::ToString, sync::Arc};
+
+/// The attribute of an assembly that holds its data.
+const ASSEMBLY_DATA: u16 = 3;
+
+/// The attribute of a connection that says what it produces.
+const PRODUCED_PATH: u16 = 14;
 
 /// Bytes of a Set request that are kept until its answer comes.
 const KEPT: usize = 8;
@@ -36,6 +44,8 @@ struct Station {
     set: Option<(Target, [u8; KEPT], usize)>,
     /// When it last produced by change of state.
     produced: Moment,
+    /// Another node has its MAC ID.
+    is_doubled: bool,
 }
 
 /// A profile, why it is believed, and what was heard since.
@@ -99,6 +109,7 @@ impl Encoders {
         let Some(mac) = facts.station else { return };
         let restarted = findings.iter().any(|finding| finding.code == &codes::NODE_RESTART);
         let station = &mut self.stations[mac.index()];
+        station.is_doubled |= findings.iter().any(|finding| finding.code == &codes::DUPLICATE_MAC);
         if restarted {
             findings.extend(station.restart());
         }
@@ -135,17 +146,23 @@ impl Encoders {
         }
     }
 
-    /// Which stations are read by a profile, and why.
-    pub fn conclusions(&self) -> impl Iterator<Item = Conclusion> {
-        (0..).zip(&self.stations).filter_map(|(number, station)| {
-            let bound = station.bound.as_ref()?;
-            Some(Conclusion {
-                subject: "device",
-                station: Some(number),
-                value: Some(bound.watch.profile().name().to_owned()),
-                evidence: bound.evidence.clone(),
-            })
-        })
+    /// Which stations are read by a profile, and why; and what each encoder's LED should look like
+    /// at the end, by the `state` of its node.
+    pub fn conclusions(&self, state: impl Fn(MacId) -> NodeState) -> Vec<Conclusion> {
+        let mut all = Vec::new();
+        for (number, station) in (0..).zip(&self.stations) {
+            let Some(bound) = &station.bound else { continue };
+            let mut conclude = |subject, value: &str, evidence: &str| {
+                let (value, evidence) = (Some(value.to_owned()), evidence.to_owned());
+                all.push(Conclusion { subject, station: Some(number), value, evidence });
+            };
+            conclude("device", bound.watch.profile().name(), &bound.evidence);
+            let mac = MacId::new(number as u8);
+            let state = mac.map_or(NodeState::Absent, &state);
+            let led = Led::of(if station.is_doubled { NodeState::Faulted } else { state });
+            conclude("DUO LED", &led.to_string(), led.meaning());
+        }
+        all
     }
 }
 
@@ -156,7 +173,7 @@ impl Station {
     }
 
     fn restart(&mut self) -> Option<Finding> {
-        (self.set, self.produced) = (None, Moment::UNKNOWN);
+        (self.set, self.produced, self.is_doubled) = (None, Moment::UNKNOWN, false);
         self.bound.as_mut()?.watch.restart()
     }
 
@@ -194,8 +211,21 @@ impl Station {
         let set = self.set.take().filter(|(asked, ..)| *asked == target);
         let attribute = self.position_attribute(target);
         let Some(bound) = &mut self.bound else { return };
+        let is_object =
+            |class, attribute| target.class == Some(class) && target.attribute == Some(attribute);
         match (answered.code, attribute, set) {
             (service::GET, Some(attribute), _) => bound.watch.read(attribute, data, now, findings),
+            (service::GET, None, _) if is_object(object::ASSEMBLY, ASSEMBLY_DATA) => {
+                let assembly = target.instance.and_then(|it| bound.watch.profile().assembly(it));
+                let reading = assembly.and_then(|assembly| assembly.read(data).ok());
+                if let Some(reading) = reading {
+                    bound.watch.hear(reading, now, findings);
+                }
+            }
+            // It selects the assembly, and is saved at once.
+            (service::SET, None, Some(_)) if is_object(object::CONNECTION, PRODUCED_PATH) => {
+                findings.push(Finding::new(&encoder_codes::WRITTEN));
+            }
             (service::SET, Some(attribute), Some((_, bytes, length))) => {
                 bound.watch.write(attribute, &bytes[..length], findings);
             }

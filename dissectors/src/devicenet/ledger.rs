@@ -1,8 +1,9 @@
 //! Everything that is known of a bus, and how each frame is looked at.
 
 use super::codes;
-use super::connection::{Direction, Instance, Mark, State as Stands};
+use super::connection::{Connection, Direction, Instance, Mark, State as Stands};
 use super::dynamic::Dynamics;
+use super::encoder::NodeState;
 use super::flood::Flood;
 use super::fragment::Assemblies;
 use super::identifier::{MAC_IDS, MacId, Place, Port};
@@ -78,6 +79,8 @@ pub(super) struct Ledger {
     pub dynamics: Dynamics,
     pub flood: Flood,
     pub judgement: Judgement,
+    /// Nodes that restarted and whose encoders were not told yet.
+    pub restarted: u64,
     /// The last strobe of each master, and who strobed last.
     pub strobes: [Option<Mark>; MAC_IDS],
     pub last_strober: Option<MacId>,
@@ -100,6 +103,7 @@ impl Ledger {
             dynamics: Dynamics::new(),
             flood: Flood::new(wire.baud()),
             judgement: Judgement::default(),
+            restarted: 0,
             strobes: [None; MAC_IDS],
             last_strober: None,
             strobed: 0,
@@ -117,9 +121,34 @@ impl Ledger {
         self.nodes[slave.index()].owner
     }
 
-    /// How often a slave's change-of-state connection produces at least, in ns, if known.
+    /// How often a slave's change-of-state connection produces at least, in ns, if known: never,
+    /// where its rate is 0.
     pub fn production_rate(&self, slave: MacId) -> Option<i64> {
-        self.nodes[slave.index()].connections[Instance::Production.index()].rate_ns()
+        let connection = &self.nodes[slave.index()].connections[Instance::Production.index()];
+        connection.rate.map(|_| connection.rate_ns().unwrap_or(i64::MAX))
+    }
+
+    /// What the traffic so far tells of a node.
+    pub fn node_state(&self, mac: MacId) -> NodeState {
+        let node = &self.nodes[mac.index()];
+        let is_used = |connection: &Connection| {
+            let heard = connection.produced.last.or(connection.consumed.last);
+            match connection.state {
+                Stands::Unknown => heard.is_some(),
+                Stands::Gone | Stands::TimedOut => false,
+                _ => true,
+            }
+        };
+        let has_timed_out = |connection: &Connection| connection.state == Stands::TimedOut;
+        if node.connections.iter().any(has_timed_out) {
+            NodeState::TimedOut
+        } else if node.connections.iter().any(is_used) {
+            NodeState::Connected
+        } else if node.heard.is_known() || node.online.is_known() {
+            NodeState::Unconnected
+        } else {
+            NodeState::Absent
+        }
     }
 
     /// Something is waited for that is due then at the earliest.

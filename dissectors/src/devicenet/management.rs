@@ -104,6 +104,7 @@ impl Ledger {
             self.judgement.end(&codes::DEVICE_FAULT, since, now);
         }
         node.restart();
+        self.restarted |= mac.bit();
         self.dynamics.restart(mac);
         self.strobed &= !mac.bit();
         !self.judgement.findings.is_empty()

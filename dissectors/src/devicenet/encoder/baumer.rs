@@ -26,6 +26,10 @@ pub mod attribute {
     pub const ALARMS: u8 = 83;
     /// What is about to be.
     pub const WARNINGS: u8 = 86;
+    /// Alarm flag.
+    pub const ALARM_FLAG: u8 = 85;
+    /// Warning flag.
+    pub const WARNING_FLAG: u8 = 88;
     /// What the preset adds to the position.
     pub const OFFSET: u8 = 91;
     /// Singleturn or multiturn.

@@ -94,7 +94,10 @@ pub static NOT_SETTABLE: Code = Code {
     ],
     next: &["compare class, instance and attribute with the manual's table", BOUND],
     cure: Cure { one: "check the attribute written to", all: "check the attributes written" },
-    say: |_, _, out| write!(out, "this attribute can only be read"),
+    say: |_, record, out| match record.named("devicenet.attribute_name") {
+        Value::Text(_) => write!(out, "this attribute can only be read"),
+        _ => write!(out, "the encoder has no such attribute"),
+    },
 };
 
 /// Parameters were written, and the encoder restarted before they were saved: they have their old values again.

@@ -13,6 +13,9 @@ const ATTRIBUTES: usize = 96;
 /// Positions that are further apart in time, in ns, tell no motion.
 const MOTION_NS: i64 = 1_000_000_000;
 
+/// How far back motion is looked for, in ns.
+const LOOK_BACK_NS: i64 = 250_000_000;
+
 /// What was heard of one encoder.
 #[derive(Clone, Debug)]
 pub struct Watch {
@@ -23,6 +26,8 @@ pub struct Watch {
     /// Attributes written since the last Save: bit *n* is attribute *n*.
     unsaved: u128,
     last: Option<(u32, Moment)>,
+    /// A position of up to a quarter of a second ago.
+    before: Option<(u32, Moment)>,
     /// Steps between the last two positions, if they tell of motion.
     motion: Option<u32>,
     alarm: Lasting,
@@ -62,6 +67,7 @@ impl Watch {
             values: [None; ATTRIBUTES],
             unsaved: 0,
             last: None,
+            before: None,
             motion: None,
             alarm: Lasting { since: None },
             warning: Lasting { since: None },
@@ -87,7 +93,12 @@ impl Watch {
         self.learn(attribute, value);
         match attribute {
             id::POSITION => self.see_position(value as u32, now, findings),
-            id::ALARMS => findings.extend(self.alarm.see(value & 1 != 0, now, &codes::ALARM)),
+            id::ALARMS | id::ALARM_FLAG => {
+                findings.extend(self.alarm.see(value & 1 != 0, now, &codes::ALARM));
+            }
+            id::WARNING_FLAG => {
+                findings.extend(self.warning.see(value & 1 != 0, now, &codes::WARNING));
+            }
             id::WARNINGS => {
                 findings.extend(self.warning.see(value & 0x10 != 0, now, &codes::WARNING));
             }
@@ -128,7 +139,7 @@ impl Watch {
             }
         }
         // Positions before and after do not compare.
-        (self.last, self.motion) = (None, None);
+        self.interrupt();
         if let Some(value) = written.actual {
             self.learn(attribute, value);
         }
@@ -181,7 +192,7 @@ impl Watch {
 
     /// Something was lost: positions before and after do not compare.
     pub fn interrupt(&mut self) {
-        (self.last, self.motion) = (None, None);
+        (self.last, self.before, self.motion) = (None, None, None);
     }
 
     fn see_position(&mut self, position: u32, now: Moment, findings: &mut Vec<Finding>) {
@@ -190,9 +201,15 @@ impl Watch {
             let finding = Finding::new(&codes::POSITION_OUT_OF_RANGE).actual(i64::from(position));
             findings.push(finding.limit(i64::from(total)));
         }
-        let recent = self.last.filter(|(_, at)| now.since(*at).is_some_and(|ns| ns <= MOTION_NS));
-        let steps = recent.map(|(last, _)| distance(last, position, total));
+        // Fast polls see a slow shaft move by less than it may flicker: hence a look further back.
+        let age = |at: Moment| now.since(at).unwrap_or(i64::MAX);
+        let seen = [self.last, self.before].into_iter().flatten();
+        let recent = seen.filter(|(_, at)| age(*at) <= MOTION_NS);
+        let steps = recent.map(|(then, _)| distance(then, position, total)).max();
         self.motion = steps.filter(|steps| *steps > AT_REST);
+        if self.before.is_none_or(|(_, at)| age(at) > LOOK_BACK_NS) {
+            self.before = Some((position, now));
+        }
         self.last = Some((position, now));
     }
 
@@ -331,6 +348,26 @@ mod tests {
         }
         // What is old tells nothing.
         assert_eq!(raised(|told| encoder.ask_to_write(10, &preset, at(2_000), told)), []);
+    }
+
+    #[test]
+    fn a_slow_shaft_moves_too() {
+        let mut encoder = baumer();
+        // 100 steps a second, polled every 20 ms: two steps between polls.
+        for n in 0..20 {
+            raised(|told| {
+                encoder.hear(reading(1000 + 2 * n, false, false), at(20 * i64::from(n)), told)
+            });
+        }
+        let preset = 0_u32.to_le_bytes();
+        assert_eq!(raised(|told| encoder.ask_to_write(10, &preset, at(400), told)).len(), 1);
+    }
+
+    #[test]
+    fn flags_that_are_read_count_as_well() {
+        let mut encoder = baumer();
+        assert_eq!(raised(|told| encoder.read(85, &[1], at(0), told)), [("encoder.alarm", None)]);
+        assert_eq!(raised(|told| encoder.read(88, &[1], at(0), told)), [("encoder.warning", None)]);
     }
 
     #[test]
