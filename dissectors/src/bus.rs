@@ -9,7 +9,7 @@ use crate::decoder::Decoder;
 use crate::event::{Event, Levels, Moment};
 use crate::finding::Finding;
 use crate::line::{Line, Listener};
-use crate::protocol::{Conclusion, Protocol, Settings};
+use crate::protocol::{Conclusion, Medium, Protocol, Settings};
 use crate::record::{BusInfo, Output};
 use crate::uart::{Baud, Format, Wire};
 use alloc::vec::Vec;
@@ -23,6 +23,8 @@ pub struct WireFacts {
     pub format: Option<Format>,
     /// The source made up the times between characters: no rate can be found from them.
     pub spacing_is_assumed: bool,
+    /// What the bus carries, where the source tells it.
+    pub medium: Option<Medium>,
     /// How line levels were sampled; `None` where the source has characters.
     pub sampling: Option<Sampling>,
 }
@@ -91,7 +93,7 @@ impl Bus {
         let given = Wire::new(settings.line.baud.or(facts.baud), format);
         let can_find_rate = info.clock.is_some() && !facts.spacing_is_assumed;
         let doubt = facts.baud.zip(settings.line.baud).and_then(|(told, set)| told.doubt(set));
-        let mut decoder = Decoder::new(info, settings, can_find_rate);
+        let mut decoder = Decoder::new(info, settings, can_find_rate, facts.medium);
         doubt.into_iter().for_each(|finding| decoder.note(finding));
         Bus { line, decoder, given }
     }

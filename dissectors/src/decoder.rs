@@ -21,6 +21,8 @@ const HELD_NS: i64 = 2_000_000_000;
 pub(crate) struct Decoder {
     info: BusInfo,
     settings: Settings,
+    /// What the source says that the bus carries.
+    told: Option<Medium>,
     /// Times are real, so that the rate can be found from them.
     can_find_rate: bool,
     counts: LineCounts,
@@ -46,10 +48,16 @@ enum Held {
 }
 
 impl Decoder {
-    pub fn new(info: BusInfo, settings: Settings, can_find_rate: bool) -> Self {
+    pub fn new(
+        info: BusInfo,
+        settings: Settings,
+        can_find_rate: bool,
+        told: Option<Medium>,
+    ) -> Self {
         Decoder {
             info,
             settings,
+            told,
             can_find_rate,
             counts: LineCounts::default(),
             stage: Stage::Finding { held: Vec::new(), since: Moment::UNKNOWN },
@@ -186,7 +194,13 @@ impl Decoder {
         let is_long = since.is_known() && now.is_after(since.plus(HELD_NS));
         let is_full = held.len() >= HELD;
         let is_told = self.settings.protocol.is_some() && !self.must_find_rate(wire);
-        if is_full || is_long || (is_told && rest.is_some()) {
+        // What does not fit ends the holding, even where time then runs backwards.
+        let has_rest = match rest {
+            Some(Event::Characters(rest)) => !rest.is_empty(),
+            Some(Event::Frames(rest)) => !rest.is_empty(),
+            _ => false,
+        };
+        if is_full || is_long || has_rest || (is_told && rest.is_some()) {
             self.find_out(wire, out);
             if let Some(rest) = rest {
                 self.pass_on(rest, out);
@@ -250,7 +264,8 @@ impl Decoder {
         frames: &[Frame],
         wire: Wire,
     ) -> (&'static Protocol, Option<Finding>) {
-        let given = self.settings.protocol.map_or(Medium::Serial, |protocol| protocol.medium);
+        let given = self.settings.protocol.map(|protocol| protocol.medium);
+        let given = self.told.or(given).unwrap_or(Medium::Serial);
         let medium = match (frames, characters) {
             ([], []) => given,
             ([], _) => Medium::Serial,

@@ -59,7 +59,7 @@ impl Buses {
         let number = self.selection.takes(&info.name).then_some(self.announced);
         if number.is_some() {
             self.announced += 1;
-            out.bus(info.clone(), facts);
+            out.bus(info.clone(), WireFacts { medium: Some(medium), ..facts });
         }
         self.known.push(Known { info, medium, number });
         Ok(number)

@@ -98,6 +98,7 @@ impl Tap {
             format: self.told_format,
             spacing_is_assumed: self.told_baud.is_none(),
             sampling: None,
+            medium: None,
         }
     }
 

@@ -182,3 +182,13 @@ fn serial_and_can_stand_in_one_capture() {
     assert_eq!((records.len() - cans - 1, cans), (protocols.len() - 9, 8), "{protocols:?}");
     assert!(protocols.iter().any(|protocol| ["slin", "uart"].contains(protocol)));
 }
+
+#[test]
+fn an_interface_of_which_only_a_loss_is_known_is_a_can_bus() {
+    let log = "(1700000000.000001) can0 42C#\nDROPCOUNT: dropped 1000000000 CAN frames on 'can1' \
+               socket (total drops 1000000000)\n";
+    let run = fieldtap_fed(["read", "--format", "json", "-"], log.as_bytes()).good();
+    let lost = run.records().into_iter().find(|record| record["bus"] == "can1").expect("a loss");
+    assert_eq!((&lost["kind"], &lost["lost"]), (&"lost".into(), &1_000_000_000.into()));
+    assert_ne!(lost["protocol"], "uart");
+}

@@ -52,3 +52,17 @@ fn a_file_and_a_pipe_give_the_same_trace() {
     assert_eq!(from_file.stdout, from_pipe.stdout);
     assert_eq!(from_file.records().len(), from_pipe.records().len());
 }
+
+#[test]
+fn nothing_is_lost_where_time_jumps_back_and_forth() {
+    let frames: String = (0..600)
+        .map(|n| format!("({}.{:06}) can0 42C#\n", 1_700_000_000 + n % 2 * 10, n * 10))
+        .collect();
+    let run = fieldtap_fed(["read", "--format", "json", "-"], frames.as_bytes()).good();
+    let frames = |record: &&serde_json::Value| record["kind"] != "event";
+    assert_eq!(run.records().iter().filter(frames).count(), 600);
+    let characters = "time,byte,parity\n0.0,83,ok\n9.0,83,ok\n0.1,5C,ok\n0.2,5C,ok\n0.3,5C,ok\n";
+    let run = fieldtap_fed(["read", "--format", "json", "-"], characters.as_bytes()).good();
+    let bytes = |record: &serde_json::Value| record["raw"].as_str().map_or(0, |raw| raw.len() / 2);
+    assert_eq!(run.records().iter().map(bytes).sum::<usize>(), 5);
+}

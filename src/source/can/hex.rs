@@ -62,10 +62,11 @@ pub fn number(text: &[u8]) -> Option<u32> {
 
 /// A number of at most nine decimal digits.
 pub fn decimal(text: &[u8]) -> Option<u32> {
-    if text.is_empty() || text.len() > 9 || !text.iter().all(u8::is_ascii_digit) {
-        return None;
-    }
-    Some(text.iter().fold(0, |value, byte| value * 10 + u32::from(byte - b'0')))
+    std::str::from_utf8(text)
+        .ok()
+        .filter(|text| text.bytes().all(|b| b.is_ascii_digit()))?
+        .parse()
+        .ok()
 }
 
 /// An identifier whose width, not its value, tells its kind.

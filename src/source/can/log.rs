@@ -55,7 +55,11 @@ pub enum Name<'a> {
 impl Name<'_> {
     fn is(self, name: &str) -> bool {
         match self {
-            Name::Text(text) => text == name.as_bytes(),
+            // Names that are no UTF-8 are known by what is shown of them.
+            Name::Text(text) => match std::str::from_utf8(text) {
+                Ok(text) => text == name,
+                Err(_) => String::from_utf8_lossy(text) == name,
+            },
             Name::Number(_) | Name::Only => self.to_text() == name,
         }
     }

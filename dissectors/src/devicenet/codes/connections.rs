@@ -42,7 +42,7 @@ pub static CONNECTION_TIMEOUT: Code = Code {
         PLUG,
         "compare the scan time with the expected packet rate",
     ],
-    cure: Cure { one: "check supply and plug of", all: "check the master and the supply" },
+    cure: Cure { one: "check supply and plug", all: "check the master and the supply" },
     say: |finding, record, out| {
         connection(record, out)?;
         write!(out, " timed out")?;
@@ -68,7 +68,7 @@ pub static NO_POLL_RESPONSE: Code = Code {
         "the master polls faster than the slave can answer",
     ],
     next: &[SUPPLY, PLUG, ERRORS, SCAN_LIST],
-    cure: Cure { one: "check supply and plug of", all: "check supply and scan time" },
+    cure: Cure { one: "check supply and plug", all: "check supply and scan time" },
     say: |finding, record, out| {
         let station = record.station.unwrap_or_default();
         match finding.actual {
@@ -93,7 +93,7 @@ pub static SIZE_MISMATCH: Code = Code {
         "the device was exchanged for another, or its assembly changed (class 5 attribute 14)",
     ],
     next: &[SCAN_LIST, "read the produced path: class 5 instance 2 attribute 14"],
-    cure: Cure { one: "compare the scan list entry of", all: "compare the scan list" },
+    cure: Cure { one: "compare the scan list entry", all: "compare the scan list" },
     say: |finding, record, out| {
         connection(record, out)?;
         match (finding.actual, finding.expected) {
@@ -118,7 +118,7 @@ pub static NO_STROBE_RESPONSE: Code = Code {
         "the slave answers only where its bit is 0",
     ],
     next: &[SUPPLY, PLUG, "compare with the strobes that it does answer: which bit has it there?"],
-    cure: Cure { one: "check supply and plug of", all: "check the supply" },
+    cure: Cure { one: "check supply and plug", all: "check the supply" },
     say: |_, record, out| {
         write!(out, "slave {} did not answer the strobe", record.station.unwrap_or_default())
     },
@@ -189,7 +189,7 @@ pub static IO_UNACKNOWLEDGED: Code = Code {
         "compare the acknowledge setting of the scan list with the slave's allocation",
         "read the slave's timer and retry limit: class 2Bh instance 1 attributes 1 and 2",
     ],
-    cure: Cure { one: "compare the acknowledge setting of", all: "check the master" },
+    cure: Cure { one: "compare the acknowledge setting", all: "check the master" },
     say: |_, record, out| {
         connection(record, out)?;
         write!(out, ": not acknowledged")
@@ -210,7 +210,7 @@ pub static IO_FLOOD: Code = Code {
     ],
     next: &[DELTA, INHIBIT, "use polling or a slower cyclic rate"],
     cure: Cure {
-        one: "raise COS delta (2Fh/11) or inhibit time (5/17) of",
+        one: "raise COS delta (2Fh/11) or inhibit time (5/17)",
         all: "raise COS deltas (2Fh/11) and inhibit times (5/17)",
     },
     say: |finding, _, out| {
@@ -254,7 +254,7 @@ pub static UNEXPECTED_ACK: Code = Code {
     evidence: "The allocation was seen.",
     causes: &["the master's scan list does not fit its own allocation"],
     next: &["compare the acknowledge setting of the scan list: each needless frame costs bus time"],
-    cure: Cure { one: "compare the acknowledge setting of", all: "compare the scan list" },
+    cure: Cure { one: "compare the acknowledge setting", all: "compare the scan list" },
     say: |_, _, out| write!(out, "acknowledged though that was suppressed"),
 };
 

@@ -22,7 +22,7 @@ pub static MALFORMED: Code = Code {
         "compare the bytes with the device's manual",
         "see whether it always comes from the same node: then it is its program",
     ],
-    cure: Cure { one: "compare with the manual of", all: "compare with the manuals" },
+    cure: Cure { one: "compare with the manual", all: "compare with the manuals" },
     say: |_, record, out| match record.get(layer::DEFECT) {
         Value::Text(defect) => write!(out, "malformed: {defect}"),
         _ => write!(out, "malformed"),
@@ -48,7 +48,7 @@ pub static NO_RESPONSE: Code = Code {
         PLUG,
         "see whether another master owns the node: class 3 instance 1 attribute 5",
     ],
-    cure: Cure { one: "check switches, supply and plug of", all: "check supply and trunk" },
+    cure: Cure { one: "check switches, supply and plug", all: "check supply and trunk" },
     say: |finding, record, out| {
         let limit = Span(finding.limit.unwrap_or_default());
         match (record.station, finding.state) {
@@ -77,7 +77,7 @@ pub static FRAGMENT_SEQUENCE: Code = Code {
         ERRORS,
         "see whether it always comes from the same node: then it is its program",
     ],
-    cure: Cure { one: "capture again; check program of", all: "capture again" },
+    cure: Cure { one: "capture again; check program", all: "capture again" },
     say: |finding, _, out| match (finding.expected, finding.actual) {
         (Some(expected), Some(actual)) => {
             write!(out, "fragment {} came where {} was due", actual & 0x3F, expected & 0x3F)
@@ -103,7 +103,7 @@ pub static FRAGMENT_UNACKNOWLEDGED: Code = Code {
         "frames are lost on the wire",
     ],
     next: &[SUPPLY, PLUG, ERRORS, LENGTHS],
-    cure: Cure { one: "check supply and plug of", all: "check supply and trunk" },
+    cure: Cure { one: "check supply and plug", all: "check supply and trunk" },
     say: |finding, _, out| match finding.actual {
         Some(sendings) if sendings > 1 => {
             write!(out, "a fragment was not acknowledged, though sent {sendings} times")
@@ -129,7 +129,7 @@ pub static ERROR_RESPONSE: Code = Code {
         "compare class, instance and attribute with the device's manual or EDS",
         "see what was asked: the record that `request` names",
     ],
-    cure: Cure { one: "compare the request with the EDS of", all: "compare requests with the EDS" },
+    cure: Cure { one: "compare the request with the EDS", all: "compare requests with the EDS" },
     say: |finding, record, out| {
         let general = finding.actual.unwrap_or_default();
         write!(out, "node {} refuses: status {general:02X}h", record.station.unwrap_or_default())
@@ -170,7 +170,7 @@ pub static FRAGMENT_RETRY: Code = Code {
         "errors on the wire",
     ],
     next: &[ERRORS, TERMINATION, "see how long the receiver's other acknowledgements take"],
-    cure: Cure { one: "check plug and load of", all: "check termination and load" },
+    cure: Cure { one: "check plug and load", all: "check termination and load" },
     say: |finding, _, out| match finding.actual {
         Some(sendings) => write!(out, "the fragment was sent {sendings} times"),
         None => write!(out, "the fragment was sent again"),
@@ -190,7 +190,7 @@ pub static FRAGMENT_REJECTED: Code = Code {
         "the master writes a value of the wrong size",
     ],
     next: &["compare the size of the value with the device's manual or EDS"],
-    cure: Cure { one: "compare the size with the EDS of", all: "compare sizes with the EDS" },
+    cure: Cure { one: "compare the size with the EDS", all: "compare sizes with the EDS" },
     say: |_, _, out| write!(out, "rejected: too much data"),
 };
 
@@ -212,7 +212,7 @@ pub static ALLOCATION_REFUSED: Code = Code {
         "compare the connection type in the scan list with the EDS",
         "switch the slave off and on",
     ],
-    cure: Cure { one: "compare owner and scan list entry of", all: "compare the scan list" },
+    cure: Cure { one: "compare owner and scan list entry", all: "compare the scan list" },
     say: |finding, record, out| {
         let general = finding.actual.unwrap_or_default();
         let station = record.station.unwrap_or_default();
@@ -234,7 +234,7 @@ pub static ALLOCATION_INVALID: Code = Code {
     evidence: "Choice and allocator as sent. Some makers' manuals release with bit 6 set: their slaves take it.",
     causes: &["the master's program builds the message wrongly", "the scan list entry is wrong"],
     next: &["compare the choice with the device's EDS", "correct the master's program"],
-    cure: Cure { one: "correct the scan list entry of", all: "correct the scan list" },
+    cure: Cure { one: "correct the scan list entry", all: "correct the scan list" },
     say: |finding, _, out| {
         let choice = finding.actual.unwrap_or_default();
         write!(out, "choice {choice:02X}h or its allocator is not allowed")
@@ -257,7 +257,7 @@ pub static LATE_RESPONSE: Code = Code {
         "see whether it follows a Save (service 16h) or Restore: then it is its habit",
         "look at the bus load with `fieldtap stats`",
     ],
-    cure: Cure { one: "see what was asked of", all: "look at the bus load" },
+    cure: Cure { one: "see what was asked", all: "look at the bus load" },
     say: |finding, _, out| {
         write!(
             out,
@@ -278,6 +278,6 @@ pub static XID_BUSY: Code = Code {
     evidence: "The request before was neither answered nor given up.",
     causes: &["the client repeats a request that was not answered", "the client does not wait"],
     next: &["look how long the server takes for its other answers"],
-    cure: Cure { one: "look at the response times of", all: "look at the response times" },
+    cure: Cure { one: "look at the response times", all: "look at the response times" },
     say: |_, _, out| write!(out, "asked again before the answer to the request before"),
 };

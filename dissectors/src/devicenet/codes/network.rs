@@ -45,7 +45,7 @@ pub static DUPLICATE_MAC: Code = Code {
         "unplug the node that was installed last: the DUO LED of a duplicate is red",
         "compare vendor and serial number of the record with the labels",
     ],
-    cure: Cure { one: "compare the MAC ID switches of", all: "compare all MAC ID switches" },
+    cure: Cure { one: "compare the MAC ID switches", all: "compare all MAC ID switches" },
     say: |_, record, out| {
         write!(out, "a second node has MAC ID {}", record.station.unwrap_or_default())
     },
@@ -68,7 +68,7 @@ pub static DEVICE_FAULT: Code = Code {
         "switch it off and on; if the fault comes back, replace it",
         SUPPLY,
     ],
-    cure: Cure { one: "read status (class 1 attribute 5) of", all: "check the network supply" },
+    cure: Cure { one: "read status (class 1 attribute 5)", all: "check the network supply" },
     say: |finding, record, out| {
         write!(out, "node {} reports a fault", record.station.unwrap_or_default())?;
         match finding.actual {
@@ -118,7 +118,7 @@ pub static NODE_RESTART: Code = Code {
         "it went bus-off after errors on the wire",
     ],
     next: &[SUPPLY, PLUG, ERRORS, "look for a Reset (service 05h, class 1) shortly before"],
-    cure: Cure { one: "check supply and plug of", all: "check the network supply" },
+    cure: Cure { one: "check supply and plug", all: "check the network supply" },
     say: |_, record, out| write!(out, "node {} started anew", record.station.unwrap_or_default()),
 };
 
@@ -140,7 +140,7 @@ pub static SHUTDOWN: Code = Code {
         SWITCHES,
         RATE,
     ],
-    cure: Cure { one: "look the code up in the manual of", all: "look the codes up" },
+    cure: Cure { one: "look the code up in the manual", all: "look the codes up" },
     say: |finding, record, out| {
         let code = finding.actual.unwrap_or_default();
         write!(out, "node {} goes off line, code {code:04X}h", record.station.unwrap_or_default())

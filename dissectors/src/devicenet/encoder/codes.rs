@@ -40,7 +40,7 @@ pub static ALARM: Code = Code {
         "if it comes back, have the encoder checked",
         BOUND,
     ],
-    cure: Cure { one: "check the encoder", all: "check the encoders and their supply" },
+    cure: Cure { one: "check disc and supply", all: "check the encoders and their supply" },
     say: |_, _, out| write!(out, "alarm: position error, the only alarm that is defined"),
 };
 
@@ -71,7 +71,7 @@ pub static VALUE_OUT_OF_RANGE: Code = Code {
         "bytes in the wrong order, or another length",
     ],
     next: &["compare the value with the data sheet of this encoder", BOUND],
-    cure: Cure { one: "check the value written to", all: "check the values written" },
+    cure: Cure { one: "check the program that writes parameters", all: "check the values written" },
     say: |finding, _, out| match (finding.actual, finding.expected, finding.limit) {
         (Some(value), Some(lowest), Some(highest)) => {
             write!(out, "{value} is out of range: {lowest} to {highest}")
@@ -93,7 +93,10 @@ pub static NOT_SETTABLE: Code = Code {
         "the parameter list skips some attributes: parameter 9 is attribute 12",
     ],
     next: &["compare class, instance and attribute with the manual's table", BOUND],
-    cure: Cure { one: "check the attribute written to", all: "check the attributes written" },
+    cure: Cure {
+        one: "check the program that writes attributes",
+        all: "check the attributes written",
+    },
     say: |_, record, out| match record.named("devicenet.attribute_name") {
         Value::Text(_) => write!(out, "this attribute can only be read"),
         _ => write!(out, "the encoder has no such attribute"),
@@ -113,7 +116,7 @@ pub static UNSAVED_PARAMETER: Code = Code {
         "send Save (16h) to class 2Fh or 0Fh, instance 1, after the last Set",
         "read the values back after the restart",
     ],
-    cure: Cure { one: "send Save after Set to", all: "send Save after Set" },
+    cure: Cure { one: "save the parameters", all: "send Save after Set" },
     say: |finding, _, out| match finding.actual {
         Some(1) => write!(out, "one written parameter was not saved before the restart"),
         count => {
@@ -136,7 +139,7 @@ pub static PRESET_WHILE_MOVING: Code = Code {
         "stop the axis, then preset",
         "compare the position after the preset with the preset value",
     ],
-    cure: Cure { one: "preset at standstill", all: "preset at standstill" },
+    cure: Cure { one: "stop the axis before the preset", all: "preset at standstill" },
     say: |finding, _, out| {
         let steps = finding.actual.unwrap_or_default();
         write!(out, "preset while the shaft moves: {steps} steps between the last two positions")
@@ -156,7 +159,7 @@ pub static POSITION_OUT_OF_RANGE: Code = Code {
         "another device, or another assembly, than the profile is for",
     ],
     next: &["read attribute 8 of class 2Fh again", BOUND],
-    cure: Cure { one: "read the total resolution of", all: "read the total resolutions" },
+    cure: Cure { one: "read the total resolution", all: "read the total resolutions" },
     say: |finding, _, out| {
         let (position, total) =
             (finding.actual.unwrap_or_default(), finding.limit.unwrap_or_default());
@@ -177,7 +180,7 @@ pub static TURNS_NOT_POWER_OF_TWO: Code = Code {
         "choose turns of 1, 2, 4 … and the steps as needed",
         "or parameterize anew after every power failure",
     ],
-    cure: Cure { one: "change the total resolution of", all: "change the total resolutions" },
+    cure: Cure { one: "change the total resolution", all: "change the total resolutions" },
     say: |finding, _, out| match finding.actual {
         Some(turns) => write!(out, "{turns} turns are no power of two"),
         None => write!(out, "the turns are no whole number"),
@@ -197,7 +200,7 @@ pub static WRITTEN: Code = Code {
         "compare the new value with what the machine needs",
         "see whether Save follows: else the value is lost at the next restart",
     ],
-    cure: Cure { one: "compare the values of", all: "compare the values" },
+    cure: Cure { one: "compare the values", all: "compare the values" },
     say: |finding, record, out| say_written(finding, record, out),
 };
 
