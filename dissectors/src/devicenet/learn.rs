@@ -2,7 +2,7 @@
 
 use super::allocation::{self, Choice};
 use super::codes;
-use super::connection::{CONNECTIONS, Connection, Instance, State as Stands};
+use super::connection::{CONNECTIONS, Connection, Direction, Habit, Instance, State as Stands};
 use super::defect::Defect;
 use super::explicit::Channel;
 use super::identifier::MacId;
@@ -25,6 +25,8 @@ mod attribute {
     pub const CONSUMED_SIZE: u16 = 8;
     pub const RATE: u16 = 9;
     pub const WATCHDOG: u16 = 12;
+    pub const PRODUCED_PATH: u16 = 14;
+    pub const CONSUMED_PATH: u16 = 16;
     pub const INHIBIT: u16 = 17;
     pub const MULTIPLIER: u16 = 18;
 }
@@ -166,6 +168,27 @@ impl Ledger {
         self.note(slave, instance, attribute, if is_told { body } else { request.data() });
         if attribute == attribute::RATE && instance != Instance::Explicit {
             self.revive(slave, instance, now.mark.start);
+        }
+        match attribute {
+            attribute::PRODUCED_PATH => self.forget_size(now, slave, instance, Direction::Produced),
+            attribute::CONSUMED_PATH => self.forget_size(now, slave, instance, Direction::Consumed),
+            _ => {}
+        }
+    }
+
+    /// Another assembly was chosen: it has a size of its own (CIP Vol. 1, chapter 3: the
+    /// connection sizes follow the paths).
+    fn forget_size(
+        &mut self,
+        now: &Now<'_>,
+        slave: MacId,
+        instance: Instance,
+        direction: Direction,
+    ) {
+        let flow = self.nodes[slave.index()].connection(instance).flow(direction);
+        (flow.size, flow.habit) = (None, Habit::default());
+        if let Some((_, since)) = flow.wrong.take() {
+            self.judgement.end(&codes::SIZE_MISMATCH, since, now.mark.start);
         }
     }
 

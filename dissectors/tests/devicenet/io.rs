@@ -326,3 +326,24 @@ fn a_flood_is_told_with_its_cure() {
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].ends_with("cos io-flood"), "{found:?}");
 }
+
+#[test]
+fn another_assembly_has_another_size() {
+    // Produced path (attribute 14) to assembly 2: 20 04 24 02, in two fragments.
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#00100000"),
+            (20.0, "4BC#80001005020E2004"),
+            (21.0, "4BB#80C000"),
+            (22.0, "4BC#80812402"),
+            (23.0, "4BB#80C100"),
+            (24.0, "4BB#0090"),
+            (30.0, "4BD#"),
+            (31.0, "3D7#0010000000"),
+        ],
+        40.0,
+    );
+    assert_eq!(findings(&told), [""; 0]);
+}
