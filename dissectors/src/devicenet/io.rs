@@ -15,13 +15,10 @@ use super::node::{Command, Production};
 use crate::finding::Finding;
 use crate::record::Turn;
 
-/// Change of state or cyclic.
-const PRODUCING: Choice = Choice::COS.and(Choice::CYCLIC);
-
 impl Ledger {
     /// A master polls a slave, or sends it change-of-state or cyclic data.
     pub fn poll_command(&mut self, now: &Now<'_>, slave: MacId, facts: &mut Facts) {
-        let is_poll = self.is_polled(slave);
+        let is_poll = self.nodes[slave.index()].is_polled();
         (facts.kind, facts.link) = match (is_poll, self.is_cyclic(slave)) {
             (true, _) => (kind::POLL_COMMAND, Some(Link::Poll)),
             (false, true) => (kind::CYCLIC, Some(Link::Cyclic)),
@@ -43,12 +40,6 @@ impl Ledger {
         self.flow(now, (slave, Instance::Poll, Direction::Consumed), piece);
     }
 
-    /// Whether 405h is a poll for this slave: what is not known otherwise is taken for one.
-    fn is_polled(&self, slave: MacId) -> bool {
-        let node = &self.nodes[slave.index()];
-        node.has(Choice::POLL) || !node.has(PRODUCING)
-    }
-
     fn is_cyclic(&self, slave: MacId) -> bool {
         self.nodes[slave.index()].has(Choice::CYCLIC)
     }
@@ -56,7 +47,7 @@ impl Ledger {
     /// What holds for all I/O of a slave.
     fn begin_io(&mut self, slave: MacId, instance: Instance, facts: &mut Facts) {
         facts.station = Some(slave);
-        if self.nodes[slave.index()].choice.is_none() {
+        if !self.nodes[slave.index()].has_seen(instance) {
             facts.assumed.add(Assumed::ALLOCATION);
         }
         // A slave that produces on a connection that timed out shows that it did not.
@@ -83,7 +74,7 @@ impl Ledger {
 
     /// A slave answers a poll, or acknowledges what its master sent.
     pub fn poll_response(&mut self, now: &Now<'_>, slave: MacId, facts: &mut Facts) {
-        let is_poll = self.is_polled(slave);
+        let is_poll = self.nodes[slave.index()].is_polled();
         (facts.kind, facts.link) = match (is_poll, self.is_cyclic(slave)) {
             (true, _) => (kind::POLL_RESPONSE, Some(Link::Poll)),
             (false, true) => (kind::IO_ACK, Some(Link::Cyclic)),
@@ -166,7 +157,7 @@ impl Ledger {
     fn expects_acknowledge(&self, slave: MacId) -> bool {
         let node = &self.nodes[slave.index()];
         let connection = &node.connections[Instance::Production.index()];
-        node.has(PRODUCING) && !node.has(Choice::NO_ACKNOWLEDGE) && !connection.is_mute
+        node.has(Choice::PRODUCING) && !node.has(Choice::NO_ACKNOWLEDGE) && !connection.is_mute
     }
 
     fn judge_pace(&mut self, now: &Now<'_>, slave: MacId, is_retry: bool) {
@@ -233,7 +224,7 @@ impl Ledger {
         (facts.source, facts.destination) = (self.owner(slave), Some(slave));
         self.begin_io(slave, Instance::Production, facts);
         let node = &mut self.nodes[slave.index()];
-        if node.has(PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) {
+        if node.has(Choice::PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) {
             self.judgement.find(Finding::new(&codes::UNEXPECTED_ACK));
         }
         if let Some(production) = &mut node.production

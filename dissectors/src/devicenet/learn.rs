@@ -32,13 +32,8 @@ mod attribute {
 }
 
 /// The choices by the instance that they allocate.
-const CHOICES: [Choice; CONNECTIONS] = [
-    Choice::EXPLICIT,
-    Choice::POLL,
-    Choice::STROBE,
-    Choice::COS.and(Choice::CYCLIC),
-    Choice::MULTICAST,
-];
+const CHOICES: [Choice; CONNECTIONS] =
+    [Choice::EXPLICIT, Choice::POLL, Choice::STROBE, Choice::PRODUCING, Choice::MULTICAST];
 
 impl Ledger {
     /// A slave accepted an allocation.
@@ -63,11 +58,11 @@ impl Ledger {
         facts.blame(agreed.is_none().then_some(Defect::ReservedFormat));
         let Ok((_, asked)) = allocation::allocate(request.data()) else { return };
         let slave = channel.server;
-        let producing = Choice::COS.and(Choice::CYCLIC);
+        self.node(slave).see(asked.choice, true);
         for (instance, choice) in Instance::ALL.into_iter().zip(CHOICES) {
             // What a master sends by change of state or cyclically travels on the poll connection.
             let is_poll = instance == Instance::Poll && !self.node(slave).has(Choice::POLL);
-            if asked.choice.has(choice) || is_poll && asked.choice.has(producing) {
+            if asked.choice.has(choice) || is_poll && asked.choice.has(Choice::PRODUCING) {
                 self.end_states(slave, instance, now.mark.start);
                 let is_explicit = instance == Instance::Explicit;
                 let state = if is_explicit { Stands::Established } else { Stands::Configuring };
@@ -77,15 +72,14 @@ impl Ledger {
         let node = &mut self.nodes[slave.index()];
         node.format = agreed;
         node.owner = Some(channel.client);
-        let before = node.choice.unwrap_or_default();
-        node.choice = Some(before.and(asked.choice));
-        if asked.choice.has(producing) {
+        node.choice = node.choice.and(asked.choice);
+        if asked.choice.has(Choice::PRODUCING) {
             let other = if asked.choice.has(Choice::COS) { Choice::CYCLIC } else { Choice::COS };
-            let kept = before.without(other.and(Choice::NO_ACKNOWLEDGE));
-            node.choice = Some(kept.and(asked.choice));
+            let kept = node.choice.without(other.and(Choice::NO_ACKNOWLEDGE));
+            node.choice = kept.and(asked.choice);
             node.production = None;
         }
-        if asked.choice.has(Choice::POLL) || asked.choice.has(producing) {
+        if asked.choice.has(Choice::POLL) || !node.is_polled() {
             (node.poll, node.answers_polls) = (None, false);
         }
         if asked.choice.has(Choice::STROBE) {
@@ -107,8 +101,9 @@ impl Ledger {
             }
         }
         let node = &mut self.nodes[slave.index()];
-        let left = node.choice.unwrap_or_default().without(released);
-        node.choice = Some(left);
+        node.see(released, false);
+        let left = node.choice.without(released);
+        node.choice = left;
         if released.has(Choice::EXPLICIT) {
             (node.format, node.guess) = (None, None);
         }
@@ -118,7 +113,7 @@ impl Ledger {
         if released.has(Choice::POLL) {
             node.poll = None;
         }
-        if released.has(Choice::COS.and(Choice::CYCLIC)) {
+        if released.has(Choice::PRODUCING) {
             node.production = None;
         }
         if released.has(Choice::STROBE) {

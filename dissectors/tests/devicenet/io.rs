@@ -347,3 +347,44 @@ fn another_assembly_has_another_size() {
     );
     assert_eq!(findings(&told), [""; 0]);
 }
+
+#[test]
+fn what_was_not_seen_stays_assumed() {
+    // A late start: poll and strobe were allocated before. Change of state comes to it.
+    let told = read(
+        &[
+            (0.0, "4BD#"),
+            (1.0, "3D7#00100000"),
+            (100.0, "4BC#004B03011000"),
+            (101.0, "4BB#00CB00"),
+            (200.0, "4BD#"),
+            (201.0, "3D7#00100000"),
+            (300.0, "4BD#"),
+            (400.0, "4BD#"),
+            (410.0, "397#0010"),
+            (420.0, "357#0010"),
+        ],
+        500.0,
+    );
+    let of = |n: usize| (told[n].kind, told[n].get("assumed"));
+    assert_eq!(of(4), ("poll-command", "allocation"));
+    assert_eq!(of(5), ("poll-response", "allocation"));
+    assert_eq!(told[5].get("request"), "5");
+    assert_eq!(findings(&told)[0], "8 poll-command no-poll-response");
+    assert_eq!(of(8), ("strobe-response", "allocation"));
+    assert_eq!(of(9), ("cos", ""));
+    // The poll connection is given back; nothing is known of the others.
+    let told = read(
+        &[
+            (0.0, "357#0011"),
+            (100.0, "4BC#004C030102"),
+            (101.0, "4BB#00CC"),
+            (200.0, "357#0012"),
+            (210.0, "397#0011"),
+        ],
+        300.0,
+    );
+    for n in [0, 3, 4] {
+        assert_eq!(told[n].get("assumed"), "allocation", "{n}");
+    }
+}
