@@ -35,7 +35,8 @@ impl Ledger {
                 facts.turn = Turn::Asks;
                 self.judge_poll(now, slave);
             }
-            self.node(slave).poll = Some(Command { mark: now.mark, answered: None });
+            self.node(slave).poll =
+                Some(Command { mark: now.mark, answered: None, is_over: false });
         }
         self.flow(now, (slave, Instance::Poll, Direction::Consumed), piece);
     }
@@ -60,7 +61,7 @@ impl Ledger {
     /// The poll before this one is told as unanswered here.
     fn judge_poll(&mut self, now: &Now<'_>, slave: MacId) {
         let node = &mut self.nodes[slave.index()];
-        let Some(Command { mark, answered: None }) = node.poll else { return };
+        let Some(Command { mark, answered: None, .. }) = node.poll else { return };
         let answers = node.answers_polls;
         let connection = node.connection(Instance::Poll);
         let must_answer = !connection.is_mute && connection.produced.size != Some(0);
@@ -90,7 +91,9 @@ impl Ledger {
         if piece.begins() {
             self.answer_poll(now, slave);
         }
-        if let Some(Command { mark, answered: Some(answered) }) = self.nodes[slave.index()].poll {
+        if let Some(Command { mark, answered: Some(answered), is_over: false }) =
+            self.nodes[slave.index()].poll
+        {
             facts.request = Some(mark.n);
             if piece.length().is_some() {
                 facts.response_time = answered.since(mark.start);
@@ -105,6 +108,7 @@ impl Ledger {
         let Some(command) = &mut node.poll else { return };
         if command.answered.is_some() {
             if !now.is_repeating {
+                command.is_over = true;
                 self.judgement.find(Finding::new(&codes::UNSOLICITED_RESPONSE));
             }
             return;
@@ -287,16 +291,20 @@ impl Ledger {
         let strobe = master.and_then(|master| self.strobes[master.index()]);
         let node = &mut self.nodes[slave.index()];
         if let Some(mark) = strobe {
-            let is_second = node.strobe.is_some_and(|answered| answered.mark.n == mark.n);
-            if is_second && piece.begins() && !now.is_repeating {
+            let before = node.strobe.filter(|answered| answered.mark.n == mark.n);
+            let is_second = before.is_some() && piece.begins() && !now.is_repeating;
+            if is_second {
                 self.judgement.find(Finding::new(&codes::UNSOLICITED_RESPONSE));
             }
-            node.strobe = Some(Command { mark, answered: Some(now.mark.start) });
+            let is_over = is_second || before.is_some_and(|before| before.is_over);
+            node.strobe = Some(Command { mark, answered: Some(now.mark.start), is_over });
             node.answers_strobes = true;
             self.strobed |= slave.bit();
-            facts.request = Some(mark.n);
-            facts.response_time = now.mark.start.since(mark.start);
-            facts.turn = Turn::Answers;
+            if !is_over {
+                facts.request = Some(mark.n);
+                facts.response_time = now.mark.start.since(mark.start);
+                facts.turn = Turn::Answers;
+            }
             if self.node(slave).connection(Instance::Strobe).state == Stands::TimedOut {
                 self.revive(slave, Instance::Strobe, now.mark.start);
                 self.node(slave).connection(Instance::Strobe).consumed.last = Some(mark);

@@ -41,6 +41,8 @@ pub(super) struct Command {
     pub mark: Mark,
     /// When its answer began.
     pub answered: Option<Moment>,
+    /// Another answer came after that: it and what follows answers nothing.
+    pub is_over: bool,
 }
 
 /// Requests that were not answered in a row.

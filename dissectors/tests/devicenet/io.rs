@@ -388,3 +388,27 @@ fn what_was_not_seen_stays_assumed() {
         assert_eq!(told[n].get("assumed"), "allocation", "{n}");
     }
 }
+
+#[test]
+fn a_second_response_answers_nothing() {
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#45230100"),
+            (18.0, "3D7#46230100"),
+            (85.0, "4BD#"),
+            (86.0, "3D7#45230100"),
+        ],
+        90.0,
+    );
+    assert_eq!(findings(&told), ["11 poll-response unsolicited-response"]);
+    assert_eq!((told[10].get("request"), told[10].get("response_time_ns")), ("", ""));
+    assert_eq!((told[12].get("request"), told[12].get("response_time_ns")), ("12", "1000000"));
+    // The same for strobes.
+    let strobe = "400#0000800000000000";
+    let told = read(&[(0.0, strobe), (1.0, "397#01"), (2.0, "397#02")], 10.0);
+    assert_eq!(findings(&told), ["3 strobe-response unsolicited-response"]);
+    assert_eq!((told[1].get("request"), told[2].get("request")), ("1", ""));
+    assert_eq!(told[2].get("response_time_ns"), "");
+}
