@@ -412,3 +412,19 @@ fn a_second_response_answers_nothing() {
     assert_eq!((told[1].get("request"), told[2].get("request")), ("1", ""));
     assert_eq!(told[2].get("response_time_ns"), "");
 }
+
+#[test]
+fn eight_bytes_are_no_fragment_because_they_count() {
+    // A value whose first byte runs 00, 81, 82; change of state, without acknowledgement.
+    let allocate = [(0.0, "4BE#004B03015100"), (1.0, "4BB#00CB00")];
+    let values =
+        [(100.0, "357#0011223344556677"), (200.0, "357#8111223344556677"), (300.0, "357#82")];
+    let told = with(&allocate, &values, 400.0);
+    assert_eq!(findings(&told), [""; 0]);
+    assert_eq!(told[3].get("io.data"), "8111223344556677");
+    assert_eq!((told[3].get("fragments"), told[3].get("assumed")), ("", ""));
+    // What follows at once is a fragment.
+    let pieces = [(100.0, "357#0001020304050607"), (101.0, "357#8108")];
+    let told = with(&allocate, &pieces, 200.0);
+    assert_eq!((told[3].get("io.data"), told[3].get("assumed")), ("0102030405060708", "size"));
+}
