@@ -31,6 +31,11 @@ impl Choice {
     /// The master does not acknowledge change-of-state or cyclic messages.
     pub const NO_ACKNOWLEDGE: Choice = Choice(0x40);
 
+    /// Change of state or cyclic.
+    pub const PRODUCING: Choice = Choice(0x30);
+    /// All connections.
+    pub const ALL: Choice = Choice(0x3F);
+
     const NAMES: [(Choice, &'static str); 6] = [
         (Choice::EXPLICIT, "explicit"),
         (Choice::POLL, "poll"),
@@ -74,9 +79,8 @@ impl Choice {
     /// no acknowledge for neither.
     #[must_use]
     pub const fn is_invalid(self) -> bool {
-        let producing = Choice::COS.and(Choice::CYCLIC);
         let both = self.has(Choice::COS) && self.has(Choice::CYCLIC);
-        let alone = self.has(Choice::NO_ACKNOWLEDGE) && !self.has(producing);
+        let alone = self.has(Choice::NO_ACKNOWLEDGE) && !self.has(Choice::PRODUCING);
         self.0 == 0 || self.0 & 0x80 != 0 || both || alone
     }
 

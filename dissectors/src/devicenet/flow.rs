@@ -18,6 +18,10 @@ const MAX_FRAME: u16 = 8;
 /// Complete messages after which it is believed that I/O is fragmented where no size says so.
 const BELIEVED: u8 = 3;
 
+/// Longest time between fragments, where no size says that they are some, in ns: a sender has
+/// them ready and sends them as fast as the bus lets it.
+const FRAGMENT_GAP_NS: i64 = 10_000_000;
+
 /// Which data: whose, on which connection, and from where to where.
 pub(super) type At = (MacId, Instance, Direction);
 
@@ -65,6 +69,7 @@ impl Ledger {
     /// size of the connection does or, where that was not read, frames that follow each other
     /// like fragments. `may_go_on`: this frame belongs to the same cycle as the one before.
     pub fn piece(&mut self, now: &Now<'_>, at: At, may_go_on: bool, facts: &mut Facts) -> Piece {
+        let may_go_on = may_go_on && self.follows(now, at);
         let flow = self.flow_of(at);
         let is_known = flow.size.is_some_and(|size| size > MAX_FRAME);
         let is_guessed = flow.size.is_none() && flow.habit.messages > 0;
@@ -83,6 +88,15 @@ impl Ledger {
             facts.assumed.add(Assumed::SIZE);
         }
         self.put_together(now, at, facts)
+    }
+
+    /// Whether the frame comes so soon after the one before, and before the next is due, that both
+    /// may be of one message.
+    fn follows(&mut self, now: &Now<'_>, (slave, instance, direction): At) -> bool {
+        let connection = self.node(slave).connection(instance);
+        let limit = connection.rate_ns().map_or(FRAGMENT_GAP_NS, |rate| rate.min(FRAGMENT_GAP_NS));
+        let last = connection.flow(direction).last;
+        last.and_then(|last| now.mark.start.since(last.start)).is_some_and(|gap| gap <= limit)
     }
 
     /// The frame before this one was a first fragment, as this one tells.

@@ -15,13 +15,10 @@ use super::node::{Command, Production};
 use crate::finding::Finding;
 use crate::record::Turn;
 
-/// Change of state or cyclic.
-const PRODUCING: Choice = Choice::COS.and(Choice::CYCLIC);
-
 impl Ledger {
     /// A master polls a slave, or sends it change-of-state or cyclic data.
     pub fn poll_command(&mut self, now: &Now<'_>, slave: MacId, facts: &mut Facts) {
-        let is_poll = self.is_polled(slave);
+        let is_poll = self.nodes[slave.index()].is_polled();
         (facts.kind, facts.link) = match (is_poll, self.is_cyclic(slave)) {
             (true, _) => (kind::POLL_COMMAND, Some(Link::Poll)),
             (false, true) => (kind::CYCLIC, Some(Link::Cyclic)),
@@ -38,15 +35,10 @@ impl Ledger {
                 facts.turn = Turn::Asks;
                 self.judge_poll(now, slave);
             }
-            self.node(slave).poll = Some(Command { mark: now.mark, answered: None });
+            self.node(slave).poll =
+                Some(Command { mark: now.mark, answered: None, is_over: false });
         }
         self.flow(now, (slave, Instance::Poll, Direction::Consumed), piece);
-    }
-
-    /// Whether 405h is a poll for this slave: what is not known otherwise is taken for one.
-    fn is_polled(&self, slave: MacId) -> bool {
-        let node = &self.nodes[slave.index()];
-        node.has(Choice::POLL) || !node.has(PRODUCING)
     }
 
     fn is_cyclic(&self, slave: MacId) -> bool {
@@ -56,7 +48,7 @@ impl Ledger {
     /// What holds for all I/O of a slave.
     fn begin_io(&mut self, slave: MacId, instance: Instance, facts: &mut Facts) {
         facts.station = Some(slave);
-        if self.nodes[slave.index()].choice.is_none() {
+        if !self.nodes[slave.index()].has_seen(instance) {
             facts.assumed.add(Assumed::ALLOCATION);
         }
         // A slave that produces on a connection that timed out shows that it did not.
@@ -69,7 +61,7 @@ impl Ledger {
     /// The poll before this one is told as unanswered here.
     fn judge_poll(&mut self, now: &Now<'_>, slave: MacId) {
         let node = &mut self.nodes[slave.index()];
-        let Some(Command { mark, answered: None }) = node.poll else { return };
+        let Some(Command { mark, answered: None, .. }) = node.poll else { return };
         let answers = node.answers_polls;
         let connection = node.connection(Instance::Poll);
         let must_answer = !connection.is_mute && connection.produced.size != Some(0);
@@ -83,7 +75,7 @@ impl Ledger {
 
     /// A slave answers a poll, or acknowledges what its master sent.
     pub fn poll_response(&mut self, now: &Now<'_>, slave: MacId, facts: &mut Facts) {
-        let is_poll = self.is_polled(slave);
+        let is_poll = self.nodes[slave.index()].is_polled();
         (facts.kind, facts.link) = match (is_poll, self.is_cyclic(slave)) {
             (true, _) => (kind::POLL_RESPONSE, Some(Link::Poll)),
             (false, true) => (kind::IO_ACK, Some(Link::Cyclic)),
@@ -99,7 +91,9 @@ impl Ledger {
         if piece.begins() {
             self.answer_poll(now, slave);
         }
-        if let Some(Command { mark, answered: Some(answered) }) = self.nodes[slave.index()].poll {
+        if let Some(Command { mark, answered: Some(answered), is_over: false }) =
+            self.nodes[slave.index()].poll
+        {
             facts.request = Some(mark.n);
             if piece.length().is_some() {
                 facts.response_time = answered.since(mark.start);
@@ -114,6 +108,7 @@ impl Ledger {
         let Some(command) = &mut node.poll else { return };
         if command.answered.is_some() {
             if !now.is_repeating {
+                command.is_over = true;
                 self.judgement.find(Finding::new(&codes::UNSOLICITED_RESPONSE));
             }
             return;
@@ -166,7 +161,7 @@ impl Ledger {
     fn expects_acknowledge(&self, slave: MacId) -> bool {
         let node = &self.nodes[slave.index()];
         let connection = &node.connections[Instance::Production.index()];
-        node.has(PRODUCING) && !node.has(Choice::NO_ACKNOWLEDGE) && !connection.is_mute
+        node.has(Choice::PRODUCING) && !node.has(Choice::NO_ACKNOWLEDGE) && !connection.is_mute
     }
 
     fn judge_pace(&mut self, now: &Now<'_>, slave: MacId, is_retry: bool) {
@@ -233,7 +228,7 @@ impl Ledger {
         (facts.source, facts.destination) = (self.owner(slave), Some(slave));
         self.begin_io(slave, Instance::Production, facts);
         let node = &mut self.nodes[slave.index()];
-        if node.has(PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) {
+        if node.has(Choice::PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) {
             self.judgement.find(Finding::new(&codes::UNEXPECTED_ACK));
         }
         if let Some(production) = &mut node.production
@@ -296,16 +291,20 @@ impl Ledger {
         let strobe = master.and_then(|master| self.strobes[master.index()]);
         let node = &mut self.nodes[slave.index()];
         if let Some(mark) = strobe {
-            let is_second = node.strobe.is_some_and(|answered| answered.mark.n == mark.n);
-            if is_second && piece.begins() && !now.is_repeating {
+            let before = node.strobe.filter(|answered| answered.mark.n == mark.n);
+            let is_second = before.is_some() && piece.begins() && !now.is_repeating;
+            if is_second {
                 self.judgement.find(Finding::new(&codes::UNSOLICITED_RESPONSE));
             }
-            node.strobe = Some(Command { mark, answered: Some(now.mark.start) });
+            let is_over = is_second || before.is_some_and(|before| before.is_over);
+            node.strobe = Some(Command { mark, answered: Some(now.mark.start), is_over });
             node.answers_strobes = true;
             self.strobed |= slave.bit();
-            facts.request = Some(mark.n);
-            facts.response_time = now.mark.start.since(mark.start);
-            facts.turn = Turn::Answers;
+            if !is_over {
+                facts.request = Some(mark.n);
+                facts.response_time = now.mark.start.since(mark.start);
+                facts.turn = Turn::Answers;
+            }
             if self.node(slave).connection(Instance::Strobe).state == Stands::TimedOut {
                 self.revive(slave, Instance::Strobe, now.mark.start);
                 self.node(slave).connection(Instance::Strobe).consumed.last = Some(mark);

@@ -2,7 +2,7 @@
 
 use super::allocation::{self, Choice};
 use super::codes;
-use super::connection::{CONNECTIONS, Connection, Instance, State as Stands};
+use super::connection::{CONNECTIONS, Connection, Direction, Habit, Instance, State as Stands};
 use super::defect::Defect;
 use super::explicit::Channel;
 use super::identifier::MacId;
@@ -25,18 +25,15 @@ mod attribute {
     pub const CONSUMED_SIZE: u16 = 8;
     pub const RATE: u16 = 9;
     pub const WATCHDOG: u16 = 12;
+    pub const PRODUCED_PATH: u16 = 14;
+    pub const CONSUMED_PATH: u16 = 16;
     pub const INHIBIT: u16 = 17;
     pub const MULTIPLIER: u16 = 18;
 }
 
 /// The choices by the instance that they allocate.
-const CHOICES: [Choice; CONNECTIONS] = [
-    Choice::EXPLICIT,
-    Choice::POLL,
-    Choice::STROBE,
-    Choice::COS.and(Choice::CYCLIC),
-    Choice::MULTICAST,
-];
+const CHOICES: [Choice; CONNECTIONS] =
+    [Choice::EXPLICIT, Choice::POLL, Choice::STROBE, Choice::PRODUCING, Choice::MULTICAST];
 
 impl Ledger {
     /// A slave accepted an allocation.
@@ -61,11 +58,11 @@ impl Ledger {
         facts.blame(agreed.is_none().then_some(Defect::ReservedFormat));
         let Ok((_, asked)) = allocation::allocate(request.data()) else { return };
         let slave = channel.server;
-        let producing = Choice::COS.and(Choice::CYCLIC);
+        self.node(slave).see(asked.choice, true);
         for (instance, choice) in Instance::ALL.into_iter().zip(CHOICES) {
             // What a master sends by change of state or cyclically travels on the poll connection.
             let is_poll = instance == Instance::Poll && !self.node(slave).has(Choice::POLL);
-            if asked.choice.has(choice) || is_poll && asked.choice.has(producing) {
+            if asked.choice.has(choice) || is_poll && asked.choice.has(Choice::PRODUCING) {
                 self.end_states(slave, instance, now.mark.start);
                 let is_explicit = instance == Instance::Explicit;
                 let state = if is_explicit { Stands::Established } else { Stands::Configuring };
@@ -75,15 +72,14 @@ impl Ledger {
         let node = &mut self.nodes[slave.index()];
         node.format = agreed;
         node.owner = Some(channel.client);
-        let before = node.choice.unwrap_or_default();
-        node.choice = Some(before.and(asked.choice));
-        if asked.choice.has(producing) {
+        node.choice = node.choice.and(asked.choice);
+        if asked.choice.has(Choice::PRODUCING) {
             let other = if asked.choice.has(Choice::COS) { Choice::CYCLIC } else { Choice::COS };
-            let kept = before.without(other.and(Choice::NO_ACKNOWLEDGE));
-            node.choice = Some(kept.and(asked.choice));
+            let kept = node.choice.without(other.and(Choice::NO_ACKNOWLEDGE));
+            node.choice = kept.and(asked.choice);
             node.production = None;
         }
-        if asked.choice.has(Choice::POLL) || asked.choice.has(producing) {
+        if asked.choice.has(Choice::POLL) || !node.is_polled() {
             (node.poll, node.answers_polls) = (None, false);
         }
         if asked.choice.has(Choice::STROBE) {
@@ -105,8 +101,9 @@ impl Ledger {
             }
         }
         let node = &mut self.nodes[slave.index()];
-        let left = node.choice.unwrap_or_default().without(released);
-        node.choice = Some(left);
+        node.see(released, false);
+        let left = node.choice.without(released);
+        node.choice = left;
         if released.has(Choice::EXPLICIT) {
             (node.format, node.guess) = (None, None);
         }
@@ -116,7 +113,7 @@ impl Ledger {
         if released.has(Choice::POLL) {
             node.poll = None;
         }
-        if released.has(Choice::COS.and(Choice::CYCLIC)) {
+        if released.has(Choice::PRODUCING) {
             node.production = None;
         }
         if released.has(Choice::STROBE) {
@@ -166,6 +163,27 @@ impl Ledger {
         self.note(slave, instance, attribute, if is_told { body } else { request.data() });
         if attribute == attribute::RATE && instance != Instance::Explicit {
             self.revive(slave, instance, now.mark.start);
+        }
+        match attribute {
+            attribute::PRODUCED_PATH => self.forget_size(now, slave, instance, Direction::Produced),
+            attribute::CONSUMED_PATH => self.forget_size(now, slave, instance, Direction::Consumed),
+            _ => {}
+        }
+    }
+
+    /// Another assembly was chosen: it has a size of its own (CIP Vol. 1, chapter 3: the
+    /// connection sizes follow the paths).
+    fn forget_size(
+        &mut self,
+        now: &Now<'_>,
+        slave: MacId,
+        instance: Instance,
+        direction: Direction,
+    ) {
+        let flow = self.nodes[slave.index()].connection(instance).flow(direction);
+        (flow.size, flow.habit) = (None, Habit::default());
+        if let Some((_, since)) = flow.wrong.take() {
+            self.judgement.end(&codes::SIZE_MISMATCH, since, now.mark.start);
         }
     }
 

@@ -169,7 +169,10 @@ impl BodyFormat {
             [_, _, _] => BodyFormat::Byte8Instance8,
             [_, high, _, _] if high == 0 && body[2] != 0 => BodyFormat::Word16Instance8,
             [_, _, _, _] => BodyFormat::Byte8Instance16,
-            [words, ..] if usize::from(words) * 2 + 1 == body.len() => BodyFormat::Path,
+            // A path begins with a class, of 8 or 16 bits.
+            [words, 0x20 | 0x21, ..] if usize::from(words) * 2 + 1 == body.len() => {
+                BodyFormat::Path
+            }
             [_, _, _, _, _] => BodyFormat::Word16Instance16,
             _ => return None,
         })
@@ -348,6 +351,8 @@ mod tests {
             assert_eq!(read(service::GET, format, cut), None, "format {code}, cut");
         }
         assert_eq!(BodyFormat::of(5), None);
+        // Class 2, instance 1: as long as a path of two words, but no path.
+        assert_eq!(BodyFormat::guess(&[2, 0, 1, 0, 1]), BodyFormat::of(2));
     }
 
     #[test]

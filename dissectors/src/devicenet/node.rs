@@ -41,6 +41,8 @@ pub(super) struct Command {
     pub mark: Mark,
     /// When its answer began.
     pub answered: Option<Moment>,
+    /// Another answer came after that: it and what follows answers nothing.
+    pub is_over: bool,
 }
 
 /// Requests that were not answered in a row.
@@ -66,8 +68,10 @@ pub(super) struct Node {
     /// The body format that a request's length gave away.
     pub guess: Option<BodyFormat>,
     pub owner: Option<MacId>,
-    /// The connections that are allocated; `None` until an Allocate or Release was seen.
-    pub choice: Option<Choice>,
+    /// The connections that are allocated, as far as it was seen or the traffic shows.
+    pub choice: Choice,
+    /// The connections that an Allocate or Release was seen of.
+    pub seen: Choice,
     pub connections: [Connection; CONNECTIONS],
     /// The clients whose requests or answers were seen, by XID.
     pub heard_clients: [u64; 2],
@@ -93,7 +97,38 @@ impl Node {
 
     /// Whether these connections are allocated, as far as it was seen.
     pub fn has(&self, choice: Choice) -> bool {
-        self.choice.is_some_and(|allocated| allocated.has(choice))
+        self.choice.has(choice)
+    }
+
+    /// Whether 405h is a poll: what is not known otherwise is taken for one.
+    pub fn is_polled(&self) -> bool {
+        self.has(Choice::POLL) || !self.has(Choice::PRODUCING)
+    }
+
+    /// Whether an Allocate or Release of the connection was seen.
+    pub fn has_seen(&self, instance: Instance) -> bool {
+        self.seen.has(match instance {
+            Instance::Explicit => Choice::EXPLICIT,
+            Instance::Poll => Choice::POLL,
+            Instance::Production => Choice::PRODUCING,
+            Instance::Strobe => Choice::STROBE,
+            Instance::Multicast => Choice::MULTICAST,
+        })
+    }
+
+    /// Takes note of what an Allocate was granted or a Release gave back. Whoever allocates
+    /// explicit messages together with I/O begins from nothing; all others add to what there is.
+    pub fn see(&mut self, choice: Choice, is_allocated: bool) {
+        let io = choice.without(Choice::EXPLICIT.and(Choice::NO_ACKNOWLEDGE));
+        let is_fresh = is_allocated && choice.has(Choice::EXPLICIT) && io != Choice::default();
+        let both = choice.has(Choice::PRODUCING).then_some(Choice::PRODUCING);
+        let seen = if is_fresh { Choice::ALL } else { choice.and(both.unwrap_or_default()) };
+        // Polls that were heard before go on, though who allocated them was not seen.
+        let was_polled = self.is_polled() && (self.poll.is_some() || self.answers_polls);
+        self.seen = self.seen.and(seen);
+        if was_polled && !self.seen.has(Choice::POLL) {
+            self.choice = self.choice.and(Choice::POLL);
+        }
     }
 
     /// Whether any request or answer of a client's transactions was heard.
@@ -111,7 +146,7 @@ impl Node {
     /// Its connections are as after power-on.
     pub fn restart(&mut self) {
         (self.format, self.guess, self.owner) = (None, None, None);
-        self.choice = Some(Choice::default());
+        (self.choice, self.seen) = (Choice::default(), Choice::ALL);
         for connection in &mut self.connections {
             *connection = Connection { state: State::Gone, ..Connection::default() };
         }

@@ -283,3 +283,12 @@ fn a_connection_that_nodes_opened() {
     assert_eq!((told[4].get("request"), told[4].station), ("4", Some(5)));
     assert_eq!((told[3].get("source"), told[3].get("destination")), ("0", "5"));
 }
+
+#[test]
+fn words_are_not_taken_for_a_path() {
+    // A late start, 16-bit class 2 and instance 1, attribute 1.
+    let told = read(&[(0.0, "4BC#000E0200010001"), (1.0, "4BB#008E0100")], 10.0);
+    let of = |name: &str| told[0].number(name);
+    assert_eq!((of("class"), of("instance"), of("attribute")), (Some(2), Some(1), Some(1)));
+    assert_eq!(told[0].get("assumed"), "body_format");
+}

@@ -326,3 +326,105 @@ fn a_flood_is_told_with_its_cure() {
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].ends_with("cos io-flood"), "{found:?}");
 }
+
+#[test]
+fn another_assembly_has_another_size() {
+    // Produced path (attribute 14) to assembly 2: 20 04 24 02, in two fragments.
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#00100000"),
+            (20.0, "4BC#80001005020E2004"),
+            (21.0, "4BB#80C000"),
+            (22.0, "4BC#80812402"),
+            (23.0, "4BB#80C100"),
+            (24.0, "4BB#0090"),
+            (30.0, "4BD#"),
+            (31.0, "3D7#0010000000"),
+        ],
+        40.0,
+    );
+    assert_eq!(findings(&told), [""; 0]);
+}
+
+#[test]
+fn what_was_not_seen_stays_assumed() {
+    // A late start: poll and strobe were allocated before. Change of state comes to it.
+    let told = read(
+        &[
+            (0.0, "4BD#"),
+            (1.0, "3D7#00100000"),
+            (100.0, "4BC#004B03011000"),
+            (101.0, "4BB#00CB00"),
+            (200.0, "4BD#"),
+            (201.0, "3D7#00100000"),
+            (300.0, "4BD#"),
+            (400.0, "4BD#"),
+            (410.0, "397#0010"),
+            (420.0, "357#0010"),
+        ],
+        500.0,
+    );
+    let of = |n: usize| (told[n].kind, told[n].get("assumed"));
+    assert_eq!(of(4), ("poll-command", "allocation"));
+    assert_eq!(of(5), ("poll-response", "allocation"));
+    assert_eq!(told[5].get("request"), "5");
+    assert_eq!(findings(&told)[0], "8 poll-command no-poll-response");
+    assert_eq!(of(8), ("strobe-response", "allocation"));
+    assert_eq!(of(9), ("cos", ""));
+    // The poll connection is given back; nothing is known of the others.
+    let told = read(
+        &[
+            (0.0, "357#0011"),
+            (100.0, "4BC#004C030102"),
+            (101.0, "4BB#00CC"),
+            (200.0, "357#0012"),
+            (210.0, "397#0011"),
+        ],
+        300.0,
+    );
+    for n in [0, 3, 4] {
+        assert_eq!(told[n].get("assumed"), "allocation", "{n}");
+    }
+}
+
+#[test]
+fn a_second_response_answers_nothing() {
+    let told = with(
+        &POLL,
+        &[
+            (10.0, "4BD#"),
+            (11.0, "3D7#45230100"),
+            (18.0, "3D7#46230100"),
+            (85.0, "4BD#"),
+            (86.0, "3D7#45230100"),
+        ],
+        90.0,
+    );
+    assert_eq!(findings(&told), ["11 poll-response unsolicited-response"]);
+    assert_eq!((told[10].get("request"), told[10].get("response_time_ns")), ("", ""));
+    assert_eq!((told[12].get("request"), told[12].get("response_time_ns")), ("12", "1000000"));
+    // The same for strobes.
+    let strobe = "400#0000800000000000";
+    let told = read(&[(0.0, strobe), (1.0, "397#01"), (2.0, "397#02")], 10.0);
+    assert_eq!(findings(&told), ["3 strobe-response unsolicited-response"]);
+    assert_eq!((told[1].get("request"), told[2].get("request")), ("1", ""));
+    assert_eq!(told[2].get("response_time_ns"), "");
+}
+
+#[test]
+fn eight_bytes_are_no_fragment_because_they_count() {
+    // A value whose first byte runs 00, 81, 82; change of state, without acknowledgement.
+    let allocate = [(0.0, "4BE#004B03015100"), (1.0, "4BB#00CB00")];
+    let values =
+        [(100.0, "357#0011223344556677"), (200.0, "357#8111223344556677"), (300.0, "357#82")];
+    let told = with(&allocate, &values, 400.0);
+    assert_eq!(findings(&told), [""; 0]);
+    assert_eq!(told[3].get("io.data"), "8111223344556677");
+    assert_eq!((told[3].get("fragments"), told[3].get("assumed")), ("", ""));
+    // What follows at once is a fragment.
+    let pieces = [(100.0, "357#0001020304050607"), (101.0, "357#8108")];
+    let told = with(&allocate, &pieces, 200.0);
+    assert_eq!((told[3].get("io.data"), told[3].get("assumed")), ("0102030405060708", "size"));
+}
