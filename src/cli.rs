@@ -5,6 +5,7 @@ use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dissectors::devicenet::encoder::Profile as DeviceProfile;
+use dissectors::devicenet::{LIMITS, Limit};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::slin::checksum::Rule;
 use dissectors::slin::{ChecksumChoice, Profile};
@@ -102,6 +103,13 @@ pub struct Decoding {
     /// DeviceNet: how the objects of a station are read, such as 23=baumer-encoder (repeatable).
     #[arg(long = "device", value_name = "STATION=PROFILE", value_parser = device, help_heading = "DeviceNet")]
     pub devices: Vec<(u16, DeviceProfile)>,
+
+    /// DeviceNet: another limit than the usual one, such as late-response=800: late-response,
+    /// no-response, fragment-acknowledge, io-acknowledge, first-timeout, check, check-spacing,
+    /// restart in ms; late-production in % of the packet rate; flood in % of the bit rate
+    /// (repeatable).
+    #[arg(long = "limit", value_name = "NAME=NUMBER", value_parser = limit, help_heading = "DeviceNet")]
+    pub limits: Vec<(&'static Limit, u32)>,
 
     /// DeviceNet: the maker's description of a device, an EDS file (repeatable).
     #[arg(long, value_name = "FILE", help_heading = "DeviceNet")]
@@ -236,6 +244,17 @@ fn bitrate(text: &str) -> Result<Baud, String> {
 
 fn format(text: &str) -> Result<Format, String> {
     text.parse().map_err(|error: dissectors::uart::FormatError| error.to_string())
+}
+
+/// The name of a limit and its number.
+fn limit(text: &str) -> Result<(&'static Limit, u32), String> {
+    let wrong = || {
+        let names = LIMITS.iter().map(|limit| format!("{} ({})", limit.name, limit.unit));
+        let names: Vec<String> = names.collect();
+        format!("not a limit and its number, such as late-response=800: {}", names.join(", "))
+    };
+    let (name, number) = text.split_once('=').ok_or_else(wrong)?;
+    Limit::named(name).zip(number.parse().ok()).ok_or_else(wrong)
 }
 
 /// A MAC ID and the name of a profile.

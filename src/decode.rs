@@ -11,6 +11,7 @@ use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
 use anyhow::Context;
 use dissectors::can;
+use dissectors::devicenet;
 use dissectors::devicenet::eds::{self, Eds};
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
@@ -253,8 +254,13 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         Some(path) => crate::stations::read(path)?,
         None => Stations::new(),
     };
+    let mut devicenet = devicenet::Settings::default();
+    for (limit, number) in &decoding.limits {
+        limit.set(&mut devicenet, *number);
+    }
     Ok(Settings {
         protocol: decoding.protocol.given(),
+        devicenet,
         line,
         can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },

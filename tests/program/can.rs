@@ -192,3 +192,19 @@ fn an_interface_of_which_only_a_loss_is_known_is_a_can_bus() {
     assert_eq!((&lost["kind"], &lost["lost"]), (&"lost".into(), &1_000_000_000.into()));
     assert_ne!(lost["protocol"], "uart");
 }
+
+#[test]
+fn limits_are_the_users_to_set() {
+    let capture = crate::harness::here("captures/devicenet-late-response/late-response.log");
+    let count = |more: &[&str]| {
+        let read = ["read", "--format", "json", argument(&capture)];
+        let run = fieldtap(read.iter().chain(more)).good();
+        let all: Vec<String> = run.records().iter().flat_map(codes).collect();
+        all.iter().filter(|code| *code == "devicenet.late-response").count()
+    };
+    assert!(count(&[]) > 0);
+    // They come after 600 to 900 ms.
+    assert_eq!(count(&["--limit", "late-response=950"]), 0);
+    let run = fieldtap(["read", argument(&capture), "--limit", "patience=1"]);
+    assert!(run.status == 2 && run.stderr.contains("late-response"), "{}", run.stderr);
+}

@@ -141,9 +141,9 @@ impl Ledger {
         }
         if let Some(bits) = now.bits {
             let limit = self.settings.flood_permille;
-            if let Some(share) = self.flood.add(slave, bits, now.mark.start, limit) {
+            if let Some(share) = self.flood.add(slave, bits, now.mark.start, limit.unsigned_abs()) {
                 let finding = Finding::new(&codes::IO_FLOOD).actual(share);
-                self.judgement.find(finding.limit(limit.cast_signed()));
+                self.judgement.find(finding.limit(limit));
             }
         }
         self.flow(now, at, piece);

@@ -50,7 +50,7 @@ mod transactions;
 
 pub use dissector::DeviceNet;
 pub use layer::FIELDS;
-pub use settings::Settings;
+pub use settings::{LIMITS, Limit, Settings};
 
 use crate::protocol::{Medium, Protocol};
 use alloc::boxed::Box;
