@@ -267,7 +267,6 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         devices: decoding.devices.iter().copied().collect(),
         eds: read_eds(&decoding.eds, decoding.quiet)?,
         stations,
-        ..Settings::default()
     })
 }
 

@@ -39,3 +39,13 @@ fn as_csv() {
 fn as_json() {
     compare(&told("json", &[]), include_str!("story/story.jsonl"));
 }
+
+/// A scanner allocates an encoder, reads who it is, sets its preset, and polls it; the preset was
+/// not saved when the supply fails. 4523 0100h is 74565, 0000 0020h is 536870912, vendor 01D4h is
+/// 468; the poll's packet rate of 64h ms times out after four times that.
+#[test]
+fn a_commissioning() {
+    let log = here("tests/program/story/commissioning.log");
+    let told = fieldtap(["read", "-q", argument(&log)]).good().stdout;
+    compare(&told, include_str!("story/commissioning.txt"));
+}
