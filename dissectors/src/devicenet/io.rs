@@ -34,6 +34,8 @@ impl Ledger {
             if is_poll {
                 facts.turn = Turn::Asks;
                 self.judge_poll(now, slave);
+            } else {
+                self.judge_acknowledge(now, slave);
             }
             self.node(slave).poll =
                 Some(Command { mark: now.mark, answered: None, is_over: false });
@@ -73,6 +75,22 @@ impl Ledger {
         }
     }
 
+    /// The master's change-of-state or cyclic message before this frame is told as not acknowledged
+    /// here: on its next message, or on an acknowledgement that comes too late.
+    fn judge_acknowledge(&mut self, now: &Now<'_>, slave: MacId) {
+        let node = &self.nodes[slave.index()];
+        let Some(Command { mark, answered: None, .. }) = node.poll else { return };
+        let is_ready = node.connections[Instance::Poll.index()].state == Stands::Established;
+        let Some(gap) = now.mark.start.since(mark.start) else { return };
+        if is_ready && self.expects_acknowledge(slave, Instance::Poll) {
+            let limit = self.acknowledge_limit(slave);
+            let uncertainty = i64::from(mark.uncertainty) + i64::from(now.mark.uncertainty);
+            let verdict = self.timing.above(gap, limit, uncertainty);
+            let finding = Finding::new(&codes::IO_UNACKNOWLEDGED).actual(gap).limit(limit);
+            self.judgement.judge(verdict, finding);
+        }
+    }
+
     /// A slave answers a poll, or acknowledges what its master sent.
     pub fn poll_response(&mut self, now: &Now<'_>, slave: MacId, facts: &mut Facts) {
         let is_poll = self.nodes[slave.index()].is_polled();
@@ -89,6 +107,9 @@ impl Ledger {
         let same_cycle = candidate.zip(poll).is_some_and(|((n, _), poll)| n > poll.mark.n);
         let piece = self.piece(now, at, same_cycle, facts);
         if piece.begins() {
+            if !is_poll {
+                self.judge_acknowledge(now, slave);
+            }
             self.answer_poll(now, slave);
         }
         if let Some(Command { mark, answered: Some(answered), is_over: false }) =
@@ -151,16 +172,18 @@ impl Ledger {
 
     /// The same data again before it was acknowledged is sent again for want of that.
     fn is_retry(&self, now: &Now<'_>, slave: MacId) -> bool {
-        self.expects_acknowledge(slave)
+        self.expects_acknowledge(slave, Instance::Production)
             && self.nodes[slave.index()].production.is_some_and(|before| {
                 let length = usize::from(before.length);
                 !before.is_acknowledged && before.data[..length] == *now.data
             })
     }
 
-    fn expects_acknowledge(&self, slave: MacId) -> bool {
+    /// Whether change-of-state and cyclic messages are acknowledged: those of the slave
+    /// (`Production`) by the master, those of the master (`Poll`) by the slave.
+    fn expects_acknowledge(&self, slave: MacId, instance: Instance) -> bool {
         let node = &self.nodes[slave.index()];
-        let connection = &node.connections[Instance::Production.index()];
+        let connection = &node.connections[instance.index()];
         node.has(Choice::PRODUCING) && !node.has(Choice::NO_ACKNOWLEDGE) && !connection.is_mute
     }
 
@@ -192,7 +215,7 @@ impl Ledger {
         // Before its rate is set the master may not know yet that the slave produces.
         let connection = &self.nodes[slave.index()].connections[Instance::Production.index()];
         let is_ready = connection.state != Stands::Configuring;
-        let expects = self.expects_acknowledge(slave) && is_ready;
+        let expects = self.expects_acknowledge(slave, Instance::Production) && is_ready;
         let limit = self.acknowledge_limit(slave);
         let node = &mut self.nodes[slave.index()];
         let was_told = node.production.is_some_and(|before| is_retry && before.is_told);

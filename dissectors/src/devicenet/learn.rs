@@ -11,6 +11,7 @@ use super::ledger::{Ledger, Now};
 use super::message::{BodyFormat, service};
 use super::transactions::Request;
 use crate::event::Moment;
+use core::cmp::Ordering;
 
 /// The connection object (CIP Vol. 1, chapter 3).
 const CONNECTION: u16 = 5;
@@ -34,6 +35,27 @@ mod attribute {
 /// The choices by the instance that they allocate.
 const CHOICES: [Choice; CONNECTIONS] =
     [Choice::EXPLICIT, Choice::POLL, Choice::STROBE, Choice::PRODUCING, Choice::MULTICAST];
+
+/// What is wrong with the length of an answer about a connection, where its attribute has a fixed
+/// one (CIP Vol. 1, chapter 3, connection object: attributes).
+pub(super) fn judge_answer(request: &Request, body: &[u8]) -> Option<Defect> {
+    let target = request.target;
+    let is_instance = target.class == Some(CONNECTION) && target.instance != Some(0);
+    let attribute = target.attribute.filter(|_| is_instance)?;
+    let length = match (request.service, attribute) {
+        // Who sets the rate is told what it is; older slaves tell nothing.
+        (Some(service::SET), attribute::RATE) if body.is_empty() => 0,
+        (Some(service::SET), attribute::RATE) => 2,
+        (Some(service::GET), 1..=3 | 6 | attribute::WATCHDOG | attribute::MULTIPLIER) => 1,
+        (Some(service::GET), 4 | 5 | 7..=9 | 13 | 15 | attribute::INHIBIT) => 2,
+        _ => return None,
+    };
+    match body.len().cmp(&length) {
+        Ordering::Less => Some(Defect::Missing),
+        Ordering::Equal => None,
+        Ordering::Greater => Some(Defect::Excess),
+    }
+}
 
 impl Ledger {
     /// A slave accepted an allocation.

@@ -7,6 +7,7 @@ use super::defect::Defect;
 use super::dynamic::Dynamic;
 use super::explicit::{Channel, Text};
 use super::layer::{Assumed, Facts, Link, kind};
+use super::learn::judge_answer;
 use super::ledger::{Ledger, Now};
 use super::message::{self, BodyFormat, service};
 use super::node::Silence;
@@ -156,7 +157,10 @@ impl Ledger {
                     self.release(now, channel.server, released.choice);
                 }
             }
-            _ => self.learn(now, channel.server, (&request, body)),
+            _ => {
+                facts.blame(judge_answer(&request, body));
+                self.learn(now, channel.server, (&request, body));
+            }
         }
     }
 

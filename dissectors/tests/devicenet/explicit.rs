@@ -292,3 +292,27 @@ fn words_are_not_taken_for_a_path() {
     assert_eq!((of("class"), of("instance"), of("attribute")), (Some(2), Some(1), Some(1)));
     assert_eq!(told[0].get("assumed"), "body_format");
 }
+
+#[test]
+fn answers_about_connections_have_the_length_of_the_attribute() {
+    // Attribute 9, the expected packet rate, has two bytes; a Set may answer it or nothing.
+    for (request, answer, is_malformed) in [
+        ("4BC#000E050109", "4BB#008EC409", false),
+        ("4BC#000E050109", "4BB#008E01", true),
+        ("4BC#000E050109", "4BB#008E", true),
+        ("4BC#00100501091027", "4BB#00901027", false),
+        ("4BC#00100501091027", "4BB#0090", false),
+        ("4BC#00100501091027", "4BB#00901027AA", true),
+        ("4BC#00100501091027", "4BB#009010", true),
+        // The state has one byte, the produced path any number.
+        ("4BC#000E050101", "4BB#008E0300", true),
+        ("4BC#000E05010E", "4BB#008E", false),
+    ] {
+        let told = read(
+            &[(0.0, "4BE#004B03010100"), (1.0, "4BB#00CB00"), (10.0, request), (11.0, answer)],
+            20.0,
+        );
+        let wanted: &[&str] = if is_malformed { &["4 explicit-response malformed"] } else { &[] };
+        assert_eq!(findings(&told), wanted, "{request} {answer}");
+    }
+}

@@ -428,3 +428,30 @@ fn eight_bytes_are_no_fragment_because_they_count() {
     let told = with(&allocate, &pieces, 200.0);
     assert_eq!((told[3].get("io.data"), told[3].get("assumed")), ("0102030405060708", "size"));
 }
+
+#[test]
+fn what_the_master_sends_by_change_of_state_is_acknowledged() {
+    // Change of state with acknowledgement, the master's connection at 1000 ms (3E8h).
+    let allocate = |choice| {
+        [(0.0, choice), (1.0, "4BB#00CB00"), (2.0, "4BC#0010050209E803"), (3.0, "4BB#0090E803")]
+    };
+    let messages = [
+        (100.0, "4BD#01"),
+        (200.0, "4BD#02"),
+        (400.0, "4BD#03"),
+        (401.0, "3D7#"),
+        (500.0, "4BD#04"),
+        (600.0, "3D7#"),
+        (700.0, "4BD#05"),
+        (710.0, "4BD#06"),
+    ];
+    // 24 ms are allowed. The second and the third message follow one without, the last acknowledgement is late.
+    let told = with(&allocate("4BE#004B03011100"), &messages, 720.0);
+    assert_eq!(
+        findings(&told),
+        ["6 cos io-unacknowledged", "7 cos io-unacknowledged", "10 io-ack io-unacknowledged"]
+    );
+    // Choice bit 6: none is due.
+    let told = with(&allocate("4BE#004B03015100"), &messages, 720.0);
+    assert_eq!(findings(&told), [""; 0]);
+}
