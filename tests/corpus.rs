@@ -66,4 +66,6 @@ fn nothing_saved_trips_a_target() {
     }
     assert!(run("characters", fuzz::characters) > 0);
     assert!(run("levels", fuzz::levels) > 0);
+    assert!(run("frames", fuzz::frames) > 0);
+    assert!(run("eds", fuzz::eds) > 0);
 }

@@ -1,8 +1,10 @@
 //! What the fuzz targets do with their bytes. None of it may panic, hang, or grow without bound.
 
 use dissectors::bus::{Bus, Sampling, WireFacts};
+use dissectors::can::{Frame, FrameKind, Identifier};
+use dissectors::devicenet::{eds, encoder};
 use dissectors::event::{Break, Clock, Event, Levels, Loss, LossCause, Moment};
-use dissectors::protocol::{PROTOCOLS, Settings};
+use dissectors::protocol::{Medium, PROTOCOLS, Protocol, Settings};
 use dissectors::record::{BusInfo, Output, Record, Sink};
 use dissectors::slin::{self, ChecksumChoice, Profile};
 use dissectors::uart::{Baud, Character, Format, Parity};
@@ -123,6 +125,55 @@ pub fn characters(bytes: &[u8]) {
         );
     }
     bus.finish(Moment::from_ns(now), &mut Output::new(&mut number, &mut listener));
+}
+
+/// CAN frames of DeviceNet: identifier, length and flags, milliseconds to the next, and the data.
+pub fn frames(bytes: &[u8]) {
+    let info = BusInfo::new("bus", Some(Clock::Log));
+    let settings = Settings {
+        protocol: Protocol::named("devicenet"),
+        devices: [(23, encoder::Profile::BaumerEncoder)].into(),
+        ..Settings::default()
+    };
+    let baud = Baud::new(125_000);
+    let facts = WireFacts { baud, medium: Some(Medium::Can), ..WireFacts::default() };
+    let mut bus = Bus::new(info, facts, settings);
+    let (mut listener, mut number, mut now) = (Listener::default(), 0, 0_i64);
+    let mut rest = bytes;
+    while let [low, high, length, step, behind @ ..] = rest {
+        let (data, behind) = behind.split_at(behind.len().min(usize::from(length & 0xF)));
+        rest = behind;
+        now = now.saturating_add(i64::from(step.cast_signed()) * 1_000_000);
+        let (start, id) = (Moment::from_ns(now), u16::from_le_bytes([*low, *high]) & 0x7FF);
+        let mut out = Output::new(&mut number, &mut listener);
+        if length & 0xC0 == 0xC0 {
+            bus.hear(Event::Lost(Loss { start, count: None, cause: LossCause::Capture }), &mut out);
+            continue;
+        }
+        let kind = match length >> 4 & 0x3 {
+            0..=1 => FrameKind::Data,
+            2 => FrameKind::Remote,
+            _ => FrameKind::Error,
+        };
+        let id = Identifier::Standard(id);
+        let frame = Frame::new(start, 1_000, kind, id, data.len() as u8).with(data);
+        bus.hear(Event::Frames(&[frame]), &mut out);
+    }
+    bus.finish(Moment::from_ns(now), &mut Output::new(&mut number, &mut listener));
+}
+
+/// A maker's description of a device, and everything that can be asked of it.
+pub fn eds(bytes: &[u8]) {
+    let (eds, warnings) = eds::parse(bytes);
+    assert!(warnings.iter().all(|warning| !warning.to_string().is_empty()));
+    for class in 0..=255 {
+        for attribute in 0..=32 {
+            let _ = eds.parameter(class, 1, attribute);
+        }
+        if let Some(assembly) = eds.assembly(class) {
+            assert!(eds.cells(assembly).all(|cell| cell.bits <= u32::MAX as _));
+        }
+    }
 }
 
 /// Line levels: two bytes a pulse, its length in ticks.
