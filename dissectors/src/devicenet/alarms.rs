@@ -23,8 +23,8 @@ enum Missing {
     FragmentAcknowledge(usize),
     /// A message of an I/O connection.
     Message(MacId, Instance, Direction),
-    /// The acknowledgement of a production.
-    IoAcknowledge(MacId),
+    /// The acknowledgement of what a slave produced, or its master (`Poll`).
+    IoAcknowledge(MacId, Instance),
     /// An objection to a duplicate MAC ID check.
     Objection(MacId, Mark),
 }
@@ -46,6 +46,16 @@ pub(super) struct Told {
     pub about: Option<u64>,
     pub station: Option<MacId>,
     pub link: Option<Link>,
+    /// Who sent what it is about, and to whom, where that matters.
+    pub source: Option<MacId>,
+    pub destination: Option<MacId>,
+}
+
+impl Told {
+    /// Something about the bus.
+    pub const fn at(at: Moment) -> Self {
+        Told { at, about: None, station: None, link: None, source: None, destination: None }
+    }
 }
 
 impl Ledger {
@@ -85,7 +95,7 @@ impl Ledger {
         let finding = Finding::new(&codes::LATE_PRODUCTION).expected(rate).limit(limit);
         self.judgement.find(finding);
         let link = Some(self.link_of(mac, Instance::Production));
-        Some(Told { at, about: Some(last.n), station: Some(mac), link })
+        Some(Told { about: Some(last.n), station: Some(mac), link, ..Told::at(at) })
     }
 
     fn first(&self) -> Option<Alarm> {
@@ -140,12 +150,16 @@ impl Ledger {
                 }
             }
         }
-        if let Some(Production { mark, is_acknowledged: false, is_told: false, .. }) =
-            node.production
-            && mark.start.is_known()
+        for (instance, production) in
+            [(Instance::Production, node.production), (Instance::Poll, node.master_production)]
         {
-            let due = mark.start.plus(self.acknowledge_limit(mac));
-            take(due, mark.uncertainty, Missing::IoAcknowledge(mac));
+            if let Some(Production { since, is_acknowledged: false, is_told: false, .. }) =
+                production
+                && since.start.is_known()
+            {
+                let due = since.start.plus(self.acknowledge_limit(mac));
+                take(due, since.uncertainty, Missing::IoAcknowledge(mac, instance));
+            }
         }
         if let Some(Check { first, is_over: false, .. }) = node.check
             && first.start.is_known()
@@ -156,7 +170,7 @@ impl Ledger {
     }
 
     fn go_off(&mut self, Alarm { due, missing, .. }: Alarm) -> Option<Told> {
-        let told = Told { at: due, about: None, station: None, link: None };
+        let told = Told::at(due);
         match missing {
             Missing::Answer(mac, n) => {
                 let link = self.unanswered(mac, n, due)?;
@@ -183,14 +197,19 @@ impl Ledger {
                 let link = Some(self.link_of(mac, instance));
                 Some(Told { about, station: Some(mac), link, ..told })
             }
-            Missing::IoAcknowledge(mac) => {
+            Missing::IoAcknowledge(mac, instance) => {
                 let limit = self.acknowledge_limit(mac);
-                let production = self.node(mac).production.as_mut()?;
+                let production = self.node(mac).last_production(instance).as_mut()?;
                 production.is_told = true;
-                let about = Some(production.mark.n);
+                let about = Some(production.since.n);
                 self.judgement.find(Finding::new(&codes::IO_UNACKNOWLEDGED).limit(limit));
                 let link = Some(self.link_of(mac, Instance::Production));
-                Some(Told { about, station: Some(mac), link, ..told })
+                let ends = (Some(mac), self.owner(mac));
+                let (source, destination) = match instance {
+                    Instance::Poll => (ends.1, ends.0),
+                    _ => ends,
+                };
+                Some(Told { about, station: Some(mac), link, source, destination, ..told })
             }
             Missing::Objection(mac, first) => {
                 let is_news = self.restarted(mac, first, due);

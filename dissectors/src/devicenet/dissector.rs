@@ -168,7 +168,7 @@ impl DeviceNet {
             if let Some(finding) = self.encoders.restart(mac) {
                 self.ledger.judgement.clear();
                 self.ledger.judgement.find(finding);
-                let told = Told { at: now, about: None, station: Some(mac), link: None };
+                let told = Told { station: Some(mac), ..Told::at(now) };
                 self.event(bus, told, out);
             }
         }
@@ -180,7 +180,7 @@ impl DeviceNet {
             self.ledger.judgement.clear();
             self.ledger.judgement.find(Finding::new(&codes::NO_STROBE_RESPONSE));
             let (about, link) = (Some(strobe.n), Some(Link::Strobe));
-            self.event(bus, Told { at: now, about, station: Some(slave), link }, out);
+            self.event(bus, Told { about, station: Some(slave), link, ..Told::at(now) }, out);
         }
     }
 
@@ -194,6 +194,7 @@ impl DeviceNet {
         let at = if last.is_after(told.at) { last } else { told.at };
         let mut facts = Facts::new("event");
         (facts.station, facts.link) = (told.station, told.link);
+        (facts.source, facts.destination) = (told.source, told.destination);
         let message = Message {
             frame: FrameFields::new(None),
             facts,
@@ -243,7 +244,7 @@ impl Dissector for DeviceNet {
         for finding in core::mem::take(&mut self.at_end) {
             self.ledger.judgement.clear();
             self.ledger.judgement.find(finding);
-            self.event(bus, Told { at: end, about: None, station: None, link: None }, out);
+            self.event(bus, Told::at(end), out);
         }
     }
 

@@ -12,6 +12,7 @@ use super::identifier::MacId;
 use super::layer::{Assumed, Facts, Link, kind};
 use super::ledger::{Ledger, Now};
 use super::node::{Command, Production};
+use super::timing::Verdict;
 use crate::finding::Finding;
 use crate::record::Turn;
 
@@ -35,7 +36,8 @@ impl Ledger {
                 facts.turn = Turn::Asks;
                 self.judge_poll(now, slave);
             } else {
-                self.judge_acknowledge(now, slave);
+                let is_retry = self.is_retry(now, slave, Instance::Poll);
+                self.await_io_acknowledge(now, slave, Instance::Poll, is_retry);
             }
             self.node(slave).poll =
                 Some(Command { mark: now.mark, answered: None, is_over: false });
@@ -75,22 +77,6 @@ impl Ledger {
         }
     }
 
-    /// The master's change-of-state or cyclic message before this frame is told as not acknowledged
-    /// here: on its next message, or on an acknowledgement that comes too late.
-    fn judge_acknowledge(&mut self, now: &Now<'_>, slave: MacId) {
-        let node = &self.nodes[slave.index()];
-        let Some(Command { mark, answered: None, .. }) = node.poll else { return };
-        let is_ready = node.connections[Instance::Poll.index()].state == Stands::Established;
-        let Some(gap) = now.mark.start.since(mark.start) else { return };
-        if is_ready && self.expects_acknowledge(slave, Instance::Poll) {
-            let limit = self.acknowledge_limit(slave);
-            let uncertainty = i64::from(mark.uncertainty) + i64::from(now.mark.uncertainty);
-            let verdict = self.timing.above(gap, limit, uncertainty);
-            let finding = Finding::new(&codes::IO_UNACKNOWLEDGED).actual(gap).limit(limit);
-            self.judgement.judge(verdict, finding);
-        }
-    }
-
     /// A slave answers a poll, or acknowledges what its master sent.
     pub fn poll_response(&mut self, now: &Now<'_>, slave: MacId, facts: &mut Facts) {
         let is_poll = self.nodes[slave.index()].is_polled();
@@ -108,7 +94,7 @@ impl Ledger {
         let piece = self.piece(now, at, same_cycle, facts);
         if piece.begins() {
             if !is_poll {
-                self.judge_acknowledge(now, slave);
+                self.take_acknowledge(now, slave, Instance::Poll);
             }
             self.answer_poll(now, slave);
         }
@@ -156,9 +142,9 @@ impl Ledger {
             self.revive(slave, Instance::Production, now.mark.start);
         }
         if piece.begins() {
-            let is_retry = self.is_retry(now, slave);
+            let is_retry = self.is_retry(now, slave, Instance::Production);
             self.judge_pace(now, slave, is_retry);
-            self.await_io_acknowledge(now, slave, is_retry);
+            self.await_io_acknowledge(now, slave, Instance::Production, is_retry);
         }
         if let Some(bits) = now.bits {
             let limit = self.settings.flood_permille;
@@ -171,9 +157,9 @@ impl Ledger {
     }
 
     /// The same data again before it was acknowledged is sent again for want of that.
-    fn is_retry(&self, now: &Now<'_>, slave: MacId) -> bool {
-        self.expects_acknowledge(slave, Instance::Production)
-            && self.nodes[slave.index()].production.is_some_and(|before| {
+    fn is_retry(&mut self, now: &Now<'_>, slave: MacId, instance: Instance) -> bool {
+        self.expects_acknowledge(slave, instance)
+            && self.node(slave).last_production(instance).is_some_and(|before| {
                 let length = usize::from(before.length);
                 !before.is_acknowledged && before.data[..length] == *now.data
             })
@@ -211,22 +197,29 @@ impl Ledger {
         }
     }
 
-    fn await_io_acknowledge(&mut self, now: &Now<'_>, slave: MacId, is_retry: bool) {
-        // Before its rate is set the master may not know yet that the slave produces.
-        let connection = &self.nodes[slave.index()].connections[Instance::Production.index()];
-        let is_ready = connection.state != Stands::Configuring;
-        let expects = self.expects_acknowledge(slave, Instance::Production) && is_ready;
+    /// Waits for the acknowledgement of a slave's message (`Production`), or of its master's
+    /// (`Poll`).
+    fn await_io_acknowledge(
+        &mut self,
+        now: &Now<'_>,
+        slave: MacId,
+        instance: Instance,
+        is_retry: bool,
+    ) {
+        let expects = self.expects_acknowledge(slave, instance) && self.is_ready(slave, instance);
         let limit = self.acknowledge_limit(slave);
-        let node = &mut self.nodes[slave.index()];
-        let was_told = node.production.is_some_and(|before| is_retry && before.is_told);
-        if is_retry && !was_told {
+        let last = self.nodes[slave.index()].last_production(instance);
+        if is_retry && last.is_some_and(|before| !before.is_told) {
             self.judgement.find(Finding::new(&codes::IO_UNACKNOWLEDGED));
         }
         let mut data = [0; 8];
         let length = now.data.len().min(8);
         data[..length].copy_from_slice(&now.data[..length]);
-        node.production = Some(Production {
+        let waiting = last.filter(|before| !before.is_acknowledged && !before.is_told);
+        let since = waiting.map_or(now.mark, |before| before.since);
+        *last = Some(Production {
             mark: now.mark,
+            since,
             length: length as u8,
             data,
             is_acknowledged: false,
@@ -234,7 +227,16 @@ impl Ledger {
             is_told: is_retry || !expects,
         });
         if expects && !is_retry {
-            self.wait(Some(slave), now.mark.start.plus(limit));
+            self.wait(Some(slave), since.start.plus(limit));
+        }
+    }
+
+    /// Whether who is to acknowledge takes messages already: the master may not know that the
+    /// slave produces before it has set the rate, and the slave takes nothing before.
+    fn is_ready(&self, slave: MacId, instance: Instance) -> bool {
+        match (instance, self.nodes[slave.index()].connections[instance.index()].state) {
+            (Instance::Poll, stands) => stands == Stands::Established,
+            (_, stands) => stands != Stands::Configuring,
         }
     }
 
@@ -254,13 +256,32 @@ impl Ledger {
         if node.has(Choice::PRODUCING) && node.has(Choice::NO_ACKNOWLEDGE) {
             self.judgement.find(Finding::new(&codes::UNEXPECTED_ACK));
         }
-        if let Some(production) = &mut node.production
-            && !production.is_acknowledged
-        {
-            production.is_acknowledged = true;
-            facts.request = Some(production.mark.n);
-            facts.response_time = now.mark.start.since(production.mark.start);
+        if let Some(mark) = self.take_acknowledge(now, slave, Instance::Production) {
+            facts.request = Some(mark.n);
+            facts.response_time = now.mark.start.since(mark.start);
         }
+    }
+
+    /// What was produced last is acknowledged, and so is what came before. Returns what that was,
+    /// if it was not acknowledged yet.
+    fn take_acknowledge(
+        &mut self,
+        now: &Now<'_>,
+        slave: MacId,
+        instance: Instance,
+    ) -> Option<Mark> {
+        let limit = self.acknowledge_limit(slave);
+        let production = self.nodes[slave.index()].last_production(instance).as_mut();
+        let production = production.filter(|production| !production.is_acknowledged)?;
+        production.is_acknowledged = true;
+        let (mark, since) = (production.mark, production.since);
+        let gap = now.mark.start.since(since.start).filter(|_| !production.is_told);
+        let uncertainty = i64::from(since.uncertainty) + i64::from(now.mark.uncertainty);
+        // Whatever is certainly late was told at its deadline.
+        if gap.is_some_and(|gap| self.timing.above(gap, limit, uncertainty) != Verdict::Kept) {
+            self.judgement.judge(Verdict::Withheld, Finding::new(&codes::IO_UNACKNOWLEDGED));
+        }
+        Some(mark)
     }
 
     /// A master strobes its slaves: a bit for each, in eight bytes.

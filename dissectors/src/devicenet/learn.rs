@@ -99,7 +99,7 @@ impl Ledger {
             let other = if asked.choice.has(Choice::COS) { Choice::CYCLIC } else { Choice::COS };
             let kept = node.choice.without(other.and(Choice::NO_ACKNOWLEDGE));
             node.choice = kept.and(asked.choice);
-            node.production = None;
+            (node.production, node.master_production) = (None, None);
         }
         if asked.choice.has(Choice::POLL) || !node.is_polled() {
             (node.poll, node.answers_polls) = (None, false);
@@ -136,7 +136,7 @@ impl Ledger {
             node.poll = None;
         }
         if released.has(Choice::PRODUCING) {
-            node.production = None;
+            (node.production, node.master_production) = (None, None);
         }
         if released.has(Choice::STROBE) {
             self.strobed &= !slave.bit();

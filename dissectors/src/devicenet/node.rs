@@ -24,10 +24,12 @@ pub(super) struct Check {
     pub is_alone: bool,
 }
 
-/// A production that waits for its acknowledgement.
+/// A change-of-state or cyclic message that waits for its acknowledgement.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Production {
     pub mark: Mark,
+    /// The first of the messages in a row that were not acknowledged: this one, or one before.
+    pub since: Mark,
     pub length: u8,
     pub data: [u8; 8],
     pub is_acknowledged: bool,
@@ -81,7 +83,9 @@ pub(super) struct Node {
     pub fault: Option<Moment>,
     /// Its acknowledge timer (class 2Bh attribute 1), in ms.
     pub acknowledge_timer: Option<u16>,
+    /// The last change-of-state or cyclic message of its own, and of its master.
     pub production: Option<Production>,
+    pub master_production: Option<Production>,
     /// The last poll and strobe command.
     pub poll: Option<Command>,
     pub strobe: Option<Command>,
@@ -93,6 +97,15 @@ pub(super) struct Node {
 impl Node {
     pub const fn connection(&mut self, instance: Instance) -> &mut Connection {
         &mut self.connections[instance.index()]
+    }
+
+    /// The last change-of-state or cyclic message: its own, or its master's, which travels on the
+    /// poll connection.
+    pub const fn last_production(&mut self, instance: Instance) -> &mut Option<Production> {
+        match instance {
+            Instance::Poll => &mut self.master_production,
+            _ => &mut self.production,
+        }
     }
 
     /// Whether these connections are allocated, as far as it was seen.
@@ -150,7 +163,8 @@ impl Node {
         for connection in &mut self.connections {
             *connection = Connection { state: State::Gone, ..Connection::default() };
         }
-        (self.production, self.poll, self.strobe) = (None, None, None);
+        (self.production, self.master_production) = (None, None);
+        (self.poll, self.strobe) = (None, None);
         (self.answers_polls, self.answers_strobes) = (false, false);
         self.transactions = Transactions::default();
     }
@@ -158,7 +172,8 @@ impl Node {
     /// What was lost may have been anything.
     pub fn lose(&mut self) {
         self.connections.iter_mut().for_each(Connection::lose);
-        (self.production, self.poll, self.strobe, self.check) = (None, None, None, None);
+        (self.production, self.master_production) = (None, None);
+        (self.poll, self.strobe, self.check) = (None, None, None);
         self.heard_clients = [0; 2];
         self.transactions = Transactions::default();
     }

@@ -199,13 +199,19 @@ impl Message<'_> {
 
     fn say_io(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
         let (from, to) = (Mac(self.facts.source), Mac(self.facts.destination));
+        let answers = self.facts.request.is_some();
         match self.facts.kind {
             kind::POLL_COMMAND if self.facts.source.is_some() => write!(out, "{from} polls {to}")?,
             kind::POLL_COMMAND => write!(out, "poll of {to}")?,
+            kind::POLL_RESPONSE if !answers => write!(out, "{from} sends a poll response")?,
             kind::POLL_RESPONSE => write!(out, "{from} answers the poll")?,
             kind::STROBE_COMMAND => write!(out, "{from} strobes its slaves")?,
+            kind::STROBE_RESPONSE if !answers => write!(out, "{from} sends a strobe response")?,
             kind::STROBE_RESPONSE => write!(out, "{from} answers the strobe")?,
             kind::MULTICAST_POLL_COMMAND => write!(out, "multicast poll")?,
+            kind::MULTICAST_POLL_RESPONSE if !answers => {
+                write!(out, "{from} sends a multicast poll response")?;
+            }
             kind::MULTICAST_POLL_RESPONSE => write!(out, "{from} answers the multicast poll")?,
             kind::COS => write!(out, "{from} tells a change of state")?,
             kind::CYCLIC => write!(out, "{from} tells cyclically")?,

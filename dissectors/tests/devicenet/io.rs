@@ -191,6 +191,31 @@ fn productions_are_acknowledged() {
 }
 
 #[test]
+fn a_shaft_that_moves_on_does_not_hide_that_the_master_is_gone() {
+    // A change every 10 ms, none acknowledged: told 24 ms after the first, and so again.
+    let allocate = [
+        (0.0, "4BE#004B03011100"),
+        (1.0, "4BB#00CB00"),
+        (2.0, "4BC#00100504090000"),
+        (3.0, "4BB#00900000"),
+    ];
+    let told = with(
+        &allocate,
+        &[(10.0, "357#01"), (20.0, "357#02"), (30.0, "357#03"), (40.0, "357#04"), (41.0, "4BA#")],
+        100.0,
+    );
+    assert_eq!(findings(&told), ["8 event io-unacknowledged"]);
+    assert_eq!((told[7].ns, told[7].about), (Some(34_000_000), Some(5)));
+    assert_eq!(
+        told[7].summary,
+        "cos connection of 23: the master did not acknowledge within 24.0 ms"
+    );
+    // 24 ms less 1 µs, with stamps of ± 1 µs each: undecided.
+    let told = with(&allocate, &[(10.0, "357#01"), (33.999, "4BA#")], 100.0);
+    assert_eq!(told[5].withheld, ["devicenet.io-unacknowledged"]);
+}
+
+#[test]
 fn the_inhibit_time_holds_between_productions() {
     // Attribute 17 of instance 4: 20 ms (14h).
     let told = with(
@@ -404,6 +429,7 @@ fn a_second_response_answers_nothing() {
     );
     assert_eq!(findings(&told), ["11 poll-response unsolicited-response"]);
     assert_eq!((told[10].get("request"), told[10].get("response_time_ns")), ("", ""));
+    assert_eq!(told[10].summary, "23 sends a poll response: 46 23 01 00");
     assert_eq!((told[12].get("request"), told[12].get("response_time_ns")), ("12", "1000000"));
     // The same for strobes.
     let strobe = "400#0000800000000000";
@@ -445,12 +471,30 @@ fn what_the_master_sends_by_change_of_state_is_acknowledged() {
         (700.0, "4BD#05"),
         (710.0, "4BD#06"),
     ];
-    // 24 ms are allowed. The second and the third message follow one without, the last acknowledgement is late.
+    // 24 ms are allowed: of the messages at 100, 200 and 500 ms nothing is heard by then.
     let told = with(&allocate("4BE#004B03011100"), &messages, 720.0);
     assert_eq!(
         findings(&told),
-        ["6 cos io-unacknowledged", "7 cos io-unacknowledged", "10 io-ack io-unacknowledged"]
+        ["6 event io-unacknowledged", "8 event io-unacknowledged", "12 event io-unacknowledged"]
     );
+    let first = &told[5];
+    assert_eq!((first.ns, first.about, first.station), (Some(124_000_000), Some(5), Some(23)));
+    assert_eq!((first.get("source"), first.get("destination")), ("0", "23"));
+    assert_eq!(
+        first.summary,
+        "cos connection of 23: 23 did not acknowledge its master within 24.0 ms"
+    );
+    // The capture ends: the last message falls due as the first did, with none after it.
+    let told = with(&allocate("4BE#004B03011100"), &messages, 730.0);
+    let last = told.last().unwrap();
+    assert_eq!((last.ns, last.about), (Some(724_000_000), Some(14)));
+    // The same data again is sent for want of an acknowledgement.
+    let told = with(
+        &allocate("4BE#004B03011100"),
+        &[(100.0, "4BD#01"), (116.0, "4BD#01"), (117.0, "3D7#")],
+        200.0,
+    );
+    assert_eq!(findings(&told), ["6 cos io-unacknowledged"]);
     // Choice bit 6: none is due.
     let told = with(&allocate("4BE#004B03015100"), &messages, 720.0);
     assert_eq!(findings(&told), [""; 0]);

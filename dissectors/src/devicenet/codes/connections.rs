@@ -178,21 +178,30 @@ pub static IO_UNACKNOWLEDGED: Code = Code {
     severity: Severity::Warning,
     is_cause: false,
     meaning: "A change-of-state or cyclic message was not acknowledged.",
-    rule: "Unless acknowledges were suppressed when it was allocated (choice bit 6), the master acknowledges every message; else the slave sends it again (CIP Vol. 1, chapter 5: acknowledge handler).",
-    evidence: "No acknowledgement within the slave's timer (class 2Bh attribute 1), or 24 ms where that was not read; or the same data again. Judged only where the Allocate was seen.",
+    rule: "Unless acknowledges were suppressed when it was allocated (choice bit 6), the master acknowledges every message of the slave (400h + 8 x slave + 2), and the slave those of its master (3C0h + slave); else the message is sent again (CIP Vol. 1, chapter 5: acknowledge handler).",
+    evidence: "No acknowledgement within the slave's timer (class 2Bh attribute 1), or 24 ms where that was not read: an event at that time, with the first message that it holds for; or the same data again. Judged only where the Allocate was seen; what a master sends, from when the slave's rate was set.",
     causes: &[
-        "the master is busy, stopped, or gone",
+        "who is to acknowledge is busy, stopped, or gone",
         "the slave was allocated with acknowledge, and the master believes without",
-        "the acknowledge timer is shorter than the master's reaction",
+        "the acknowledge timer is shorter than the other side's reaction",
     ],
     next: &[
         "compare the acknowledge setting of the scan list with the slave's allocation",
         "read the slave's timer and retry limit: class 2Bh instance 1 attributes 1 and 2",
     ],
     cure: Cure { one: "compare the acknowledge setting", all: "check the master" },
-    say: |_, record, out| {
+    say: |finding, record, out| {
         connection(record, out)?;
-        write!(out, ": not acknowledged")
+        match (record.get(layer::SOURCE), record.station) {
+            (Value::Int(source), Some(station)) if source != i64::from(station) => {
+                write!(out, ": {station} did not acknowledge its master")?;
+            }
+            _ => write!(out, ": the master did not acknowledge")?,
+        }
+        match finding.limit {
+            Some(limit) => write!(out, " within {}", Span(limit)),
+            None => write!(out, ", the message comes again"),
+        }
     },
 };
 
