@@ -253,7 +253,8 @@ fn counted(count: u64, what: &str) -> String {
 fn judged(tally: &Tally, pipeline: &Pipeline) -> String {
     let names = tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name));
     let parity = (unknown_parity(pipeline.buses()) > 0).then_some("parity");
-    let names: Vec<&str> = names.chain(parity).collect();
+    let load = is_load_open(pipeline.buses()).then_some("load");
+    let names: Vec<&str> = names.chain(parity).chain(load).collect();
     match names.as_slice() {
         [] => "everything was judged".to_owned(),
         names => format!("all judged but {}", names.join(", ")),
@@ -262,6 +263,11 @@ fn judged(tally: &Tally, pipeline: &Pipeline) -> String {
 
 fn unknown_parity(buses: &[Bus]) -> u64 {
     buses.iter().map(|bus| bus.counts().unknown_parity).sum()
+}
+
+/// Whether a CAN bus has no known rate, without which there is no load.
+fn is_load_open(buses: &[Bus]) -> bool {
+    buses.iter().any(|bus| is_can(bus) && bus.wire().baud().is_none())
 }
 
 fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
@@ -277,7 +283,7 @@ fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
     if unknown > 0 {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
-    if buses.iter().any(|bus| is_can(bus) && bus.wire().baud().is_none()) {
+    if is_load_open(buses) {
         open.push(
             "load and time on the wire not judged (bit rate not known: --bitrate)".to_owned(),
         );

@@ -109,6 +109,11 @@ fn the_last_lines_tell_rate_and_load() {
     assert!(run.stderr.contains(line), "{}", run.stderr);
     let open = "OPEN   load and time on the wire not judged (bit rate not known: --bitrate)\n";
     assert!(run.stderr.contains(open), "{}", run.stderr);
+    // Nothing is judged of the load of a bus whose rate nobody knows.
+    let arguments = ["stats", "--protocol", "can", "-"];
+    let run = fieldtap_fed(arguments, &log.as_bytes()[..2 * log.len() / 10]).good();
+    let wrong = "WRONG  nothing found in 2 records; all judged but load\n";
+    assert!(run.stderr.contains(wrong), "{}", run.stderr);
     let json: Value =
         serde_json::from_str(&stats(&["--format", "json", "--bitrate", "500k"]).stdout)
             .expect("JSON");

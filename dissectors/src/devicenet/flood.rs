@@ -7,9 +7,13 @@ use crate::uart::Baud;
 /// Over which time it is watched, in ns.
 const WINDOW_NS: i64 = 1_000_000_000;
 
+/// A bit of the fastest rate that DeviceNet has, 500 kbit/s, in ns. Where the rate is not known,
+/// messages take at least that long.
+const SHORTEST_BIT_NS: u64 = 2_000;
+
 /// Counts the bits of productions.
 pub(super) struct Flood {
-    rate: Option<Baud>,
+    bit_ns: u64,
     window: Moment,
     bits: [u32; MAC_IDS],
     total: u64,
@@ -19,10 +23,10 @@ pub(super) struct Flood {
 }
 
 impl Flood {
-    /// Of a bus at that rate. Without one nothing is judged.
-    pub const fn new(rate: Option<Baud>) -> Self {
+    /// Of a bus at that rate. Without one shares are at least what is told.
+    pub fn new(rate: Option<Baud>) -> Self {
         Flood {
-            rate,
+            bit_ns: rate.map_or(SHORTEST_BIT_NS, |rate| rate.bits_ns(1)),
             window: Moment::UNKNOWN,
             bits: [0; MAC_IDS],
             total: 0,
@@ -34,13 +38,12 @@ impl Flood {
     /// Adds a production. Returns the share of all productions, in permille, if it is above the
     /// limit since the last full second and this node produces most.
     pub fn add(&mut self, slave: MacId, bits: u16, start: Moment, limit: u64) -> Option<i64> {
-        let rate = self.rate?;
         if !self.window.is_known() {
             self.window = start;
         }
         let passed = start.since(self.window)?;
         if !(0..WINDOW_NS).contains(&passed) {
-            let busy = rate.bits_ns(1).saturating_mul(self.total);
+            let busy = self.bit_ns.saturating_mul(self.total);
             let share = busy.saturating_mul(1_000) / passed.unsigned_abs().max(1);
             let most = (0..MAC_IDS as u8).max_by_key(|mac| self.bits[usize::from(*mac)]);
             let is_flooded = share > limit;
@@ -73,6 +76,17 @@ mod tests {
             .filter_map(|n| flood.add(MacId::of(23), 89, Moment::from_ns(n * 2_000_000), 300))
             .collect();
         assert_eq!(told, [356]);
+        // The rate is not known. At 500 kbit/s they are 178 µs: every 0.5 ms they take 356 of 1000,
+        // at any other rate more. Every 2 ms they take 89, which proves nothing.
+        let mut unknown = Flood::new(None);
+        let told: alloc::vec::Vec<i64> = (0..4_000)
+            .filter_map(|n| unknown.add(MacId::of(23), 89, Moment::from_ns(n * 500_000), 300))
+            .collect();
+        assert_eq!(told, [356]);
+        let mut unknown = Flood::new(None);
+        assert!((0..2_000).all(|n| {
+            unknown.add(MacId::of(23), 89, Moment::from_ns(n * 2_000_000), 300).is_none()
+        }));
         // Every 4 ms: 178.
         let mut calm = Flood::new(Baud::new(125_000));
         assert!((0..2_000).all(|n| {

@@ -22,6 +22,8 @@ pub struct Told {
     pub summary: String,
     /// Codes, with `+` where a state begins and `-` where it ends.
     pub codes: Vec<String>,
+    /// The sentence of each.
+    pub says: Vec<String>,
     pub withheld: Vec<&'static str>,
     /// The protocol's fields that apply, without `devicenet.`.
     pub fields: BTreeMap<&'static str, String>,
@@ -50,10 +52,13 @@ impl Sink for Recorder {
             let name = field.name.strip_prefix("devicenet.").unwrap_or(field.name);
             Some((name, shown(record.get(id))?))
         });
-        let codes = record.findings.iter().map(|finding| {
+        let says = record.findings.iter().map(|finding| {
             let mut message = String::new();
             finding.say(record, &mut message).unwrap();
             assert!(message.len() >= 8, "{message}");
+            message
+        });
+        let codes = record.findings.iter().map(|finding| {
             let state = match finding.state {
                 Some(State::Begin) => "+",
                 Some(State::End(_)) => "-",
@@ -70,6 +75,7 @@ impl Sink for Recorder {
             about: record.about,
             summary,
             codes: codes.collect(),
+            says: says.collect(),
             withheld: record.withheld.iter().map(|code| code.name).collect(),
             fields: fields.collect(),
         });
@@ -123,9 +129,14 @@ pub fn script(lines: &[(f64, &str)]) -> Vec<Heard> {
 
 /// Decodes what is heard, at 125 kbit/s, with the capture's end.
 pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
+    decode_at(Baud::new(125_000), heard, end)
+}
+
+/// The same at another rate, or at one that is not known.
+pub fn decode_at(rate: Option<Baud>, heard: &[Heard], end: Option<i64>) -> Vec<Told> {
     let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
     let mut recorder = Recorder::default();
-    hear(heard, end, settings, &mut recorder);
+    hear(rate, heard, end, settings, &mut recorder);
     recorder.0
 }
 
@@ -135,14 +146,21 @@ pub fn protocol_of(heard: &[Heard]) -> &'static str {
     impl Sink for Nobody {
         fn record(&mut self, _: &Record<'_>) {}
     }
-    let bus = hear(heard, None, Settings::default(), &mut Nobody);
+    let rate = Baud::new(125_000);
+    let bus = hear(rate, heard, None, Settings::default(), &mut Nobody);
     bus.protocol().map_or("", |protocol| protocol.name)
 }
 
-fn hear(heard: &[Heard], end: Option<i64>, settings: Settings, sink: &mut dyn Sink) -> Bus {
+fn hear(
+    baud: Option<Baud>,
+    heard: &[Heard],
+    end: Option<i64>,
+    settings: Settings,
+    sink: &mut dyn Sink,
+) -> Bus {
     let mut number = 0;
     let info = BusInfo::new("can0", Some(Clock::Kernel));
-    let facts = WireFacts { baud: Baud::new(125_000), ..WireFacts::default() };
+    let facts = WireFacts { baud, ..WireFacts::default() };
     let mut bus = Bus::new(info, facts, settings);
     let mut out = Output::new(&mut number, sink);
     for heard in heard {

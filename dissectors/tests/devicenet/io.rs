@@ -1,7 +1,7 @@
 //! I/O connections as a technician meets them. Master 0, encoder 23: 4BDh polls, 3D7h answers,
 //! 357h tells changes, 4BAh acknowledges them, 397h answers strobes, which are 400h.
 
-use crate::bus::{Told, findings, read};
+use crate::bus::{Told, decode_at, findings, read, script};
 
 /// Allocates poll, four bytes in, none out, every 75 ms: eight frames, 1 ms each.
 const POLL: [(f64, &str); 8] = [
@@ -350,6 +350,16 @@ fn a_flood_is_told_with_its_cure() {
     let found = findings(&told);
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].ends_with("cos io-flood"), "{found:?}");
+    // The rate is not known: at 500 kbit/s they would take 10 %, which proves nothing. Every
+    // 0.4 ms, they take 148 µs and more at any rate: at least 37 %.
+    let end = Some(2_200_000_000);
+    assert_eq!(findings(&decode_at(None, &script(&lines), end)), [""; 0]);
+    let lines: Vec<(f64, &str)> =
+        (0..4_000).map(|n| (f64::from(n) * 0.4, "357#45230100")).collect();
+    let told = decode_at(None, &script(&lines), end);
+    let floods: Vec<&Told> = told.iter().filter(|told| told.codes == ["io-flood"]).collect();
+    assert_eq!(floods.len(), 1);
+    assert!(floods[0].says[0].contains("messages take at least "), "{:?}", floods[0].says);
 }
 
 #[test]

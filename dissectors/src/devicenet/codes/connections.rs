@@ -212,7 +212,7 @@ pub static IO_FLOOD: Code = Code {
     is_cause: true,
     meaning: "Change-of-state or cyclic messages take more than 30 % of the bus: others wait.",
     rule: "No rule: a limit of practice. Slave I/O has the highest priority, so what floods the bus delays everything else.",
-    evidence: "The exact bits of all such messages within a second against the bit rate. Told once, on a message of the node that sends most.",
+    evidence: "The exact bits of all such messages within a second against the bit rate. Where that is not known, against 500 kbit/s, the fastest there is: they take at least so much, and a slower bus may be flooded without being told. Told once, on a message of the node that sends most.",
     causes: &[
         "an encoder by change of state on a moving shaft: it sends every step",
         "an inhibit time of 0, or a cyclic rate that is too fast",
@@ -222,11 +222,12 @@ pub static IO_FLOOD: Code = Code {
         one: "raise COS delta (2Fh/11) or inhibit time (5/17)",
         all: "raise COS deltas (2Fh/11) and inhibit times (5/17)",
     },
-    say: |finding, _, out| {
+    say: |finding, record, out| {
         let permille = finding.actual.unwrap_or_default();
+        let least = if record.wire.baud().is_some() { "" } else { "at least " };
         write!(
             out,
-            "change-of-state and cyclic messages take {}.{} % of the bus: raise the COS delta (class 2Fh attribute 11) or the inhibit time (class 5 attribute 17)",
+            "change-of-state and cyclic messages take {least}{}.{} % of the bus: raise the COS delta (class 2Fh attribute 11) or the inhibit time (class 5 attribute 17)",
             permille / 10,
             permille % 10
         )
