@@ -105,8 +105,8 @@ pub struct Decoding {
     pub devices: Vec<(u16, DeviceProfile)>,
 
     /// DeviceNet: another limit than the usual one, such as late-response=800: late-response,
-    /// no-response, fragment-acknowledge, io-acknowledge, first-timeout, check, check-spacing,
-    /// restart in ms; late-production in % of the packet rate; flood in % of the bit rate
+    /// no-response, poll-response, fragment-acknowledge, io-acknowledge, first-timeout, check,
+    /// check-spacing, restart in ms; late-production in % of the packet rate; flood in % of the bit rate
     /// (repeatable).
     #[arg(long = "limit", value_name = "NAME=NUMBER", value_parser = limit, help_heading = "DeviceNet")]
     pub limits: Vec<(&'static Limit, u32)>,

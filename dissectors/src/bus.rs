@@ -9,6 +9,7 @@ use crate::decoder::Decoder;
 use crate::event::{Event, Levels, Moment};
 use crate::finding::Finding;
 use crate::line::{Line, Listener};
+use crate::measure::Measurement;
 use crate::protocol::{Conclusion, Medium, Protocol, Settings};
 use crate::record::{BusInfo, Output};
 use crate::uart::{Baud, Format, Wire};
@@ -126,6 +127,12 @@ impl Bus {
     #[must_use]
     pub fn load(&self) -> Option<Load> {
         self.decoder.load()
+    }
+
+    /// What was measured of each station besides response times.
+    #[must_use]
+    pub fn measurements(&self) -> Vec<Measurement> {
+        self.decoder.measurements()
     }
 
     /// Whether the line is upside down.

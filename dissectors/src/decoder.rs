@@ -4,6 +4,7 @@ use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
+use crate::measure::Measurement;
 use crate::protocol::{
     Beginning, Conclusion, Dissector, Medium, PROTOCOLS, Protocol, Settings, Speaks,
 };
@@ -109,6 +110,14 @@ impl Decoder {
         match &self.stage {
             Stage::Decoding { dissector, .. } => dissector.load(),
             Stage::Finding { .. } => None,
+        }
+    }
+
+    /// What was measured of each station besides response times.
+    pub fn measurements(&self) -> Vec<Measurement> {
+        match &self.stage {
+            Stage::Decoding { dissector, .. } => dissector.measurements(),
+            Stage::Finding { .. } => Vec::new(),
         }
     }
 

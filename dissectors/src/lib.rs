@@ -20,6 +20,7 @@ pub mod event;
 pub mod field;
 pub mod finding;
 mod line;
+pub mod measure;
 pub mod protocol;
 pub mod record;
 pub mod slin;

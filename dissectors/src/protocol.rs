@@ -6,6 +6,7 @@ use crate::devicenet::encoder::Devices;
 use crate::event::{Event, Moment};
 use crate::field::{Field, FieldId, Role};
 use crate::finding::{Code, Finding};
+use crate::measure::Measurement;
 use crate::record::{BusInfo, Output};
 use crate::station::Stations;
 use crate::uart::{Character, Wire};
@@ -164,6 +165,11 @@ pub trait Dissector {
     /// How busy the bus was, where frames tell.
     fn load(&self) -> Option<Load> {
         None
+    }
+
+    /// What it measured of each station besides response times: for statistics.
+    fn measurements(&self) -> Vec<Measurement> {
+        Vec::new()
     }
 }
 

@@ -10,6 +10,7 @@ use crate::verdict::Learned;
 use clap::{Args, ValueEnum};
 use dissectors::bus::Bus;
 use dissectors::finding::Span;
+use dissectors::measure::Measurement;
 use dissectors::record::{Record, Sink};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
@@ -144,6 +145,7 @@ fn text(outcome: &Outcome) -> String {
         text.push_str("none\n");
     }
     text.push('\n');
+    text.push_str(&measured(outcome.pipeline.buses()));
     text.push_str(&busyness(outcome.pipeline.buses()));
     for (name, count) in &tally.withheld {
         let _ = writeln!(text, "withheld {name}: {count} x");
@@ -159,6 +161,41 @@ fn text(outcome: &Outcome) -> String {
     }
     for (heading, line) in outcome.verdict().lines() {
         let _ = writeln!(text, "{heading:<6} {line}");
+    }
+    text
+}
+
+/// What was measured of each station over and over; nothing where nothing was. A String takes any
+/// text.
+fn measured(buses: &[Bus]) -> String {
+    let mut text = String::new();
+    for bus in buses {
+        for Measurement { subject, station, spans, limit } in bus.measurements() {
+            if text.is_empty() {
+                text.push_str(
+                    "bus       who measured            count       min      mean       max  deviation\n",
+                );
+            }
+            let [min, mean, max] = [spans.min(), spans.mean(), spans.max()].map(Span);
+            let deviation = Span(spans.deviation().cast_signed());
+            let _ = write!(
+                text,
+                "{:<8} {station:>4} {subject:<16} {:>8} {:>9} {:>9} {:>9} {:>10}",
+                clean(&bus.info().name),
+                spans.count(),
+                min.to_string(),
+                mean.to_string(),
+                max.to_string(),
+                deviation.to_string(),
+            );
+            if let Some((limit, above)) = limit.filter(|(_, above)| *above > 0) {
+                let _ = write!(text, "  {above} x above {}", Span(limit));
+            }
+            text.push('\n');
+        }
+    }
+    if !text.is_empty() {
+        text.push('\n');
     }
     text
 }
@@ -212,6 +249,7 @@ fn as_json(outcome: &Outcome) -> Value {
         "records": tally.records,
         "buses": outcome.pipeline.buses().iter().map(bus_json).collect::<Vec<_>>(),
         "stations": tally.stations.iter().map(station_json).collect::<Vec<_>>(),
+        "measured": outcome.pipeline.buses().iter().flat_map(measured_json).collect::<Vec<_>>(),
         "findings": sorted(&tally.findings).into_iter().map(finding_json).collect::<Vec<_>>(),
         "withheld": tally.withheld,
         "verdict": verdict,
@@ -266,6 +304,28 @@ fn station_json(station: &StationTally) -> Value {
     });
     add_period(&mut object, station.period);
     object
+}
+
+fn measured_json(bus: &Bus) -> impl Iterator<Item = Value> {
+    let name = bus.info().name.clone();
+    let all = bus.measurements().into_iter();
+    all.map(move |Measurement { subject, station, spans, limit }| {
+        let mut object = json!({
+            "bus": name,
+            "station": station,
+            "subject": subject,
+            "count": spans.count(),
+            "min_ns": spans.min(),
+            "mean_ns": spans.mean(),
+            "max_ns": spans.max(),
+            "deviation_ns": spans.deviation(),
+        });
+        if let Some((limit, above)) = limit {
+            object["limit_ns"] = limit.into();
+            object["above_limit"] = above.into();
+        }
+        object
+    })
 }
 
 fn finding_json(finding: &FindingTally) -> Value {

@@ -123,6 +123,40 @@ fn the_last_lines_tell_rate_and_load() {
     assert_eq!(fieldtap(["stats", "--bitrate", "2M", "x.log"]).status, 2);
 }
 
+/// Three polls of node 23, 50 ms apart, answered after 1, 1 and 7 ms.
+#[test]
+fn statistics_tell_how_evenly_a_slave_is_polled() {
+    let log: String = [(0, 1), (50, 51), (100, 107)]
+        .iter()
+        .map(|(asked, answered)| {
+            format!("(1.{asked:03}000) can0 4BD#\n(1.{answered:03}000) can0 3D7#45230100\n")
+        })
+        .collect();
+    let stats = |options: &[&str]| {
+        let arguments = ["stats", "--protocol", "devicenet", "--bitrate", "125k", "-"];
+        fieldtap_fed(arguments.iter().chain(options), log.as_bytes()).good().stdout
+    };
+    let text = stats(&[]);
+    for line in [
+        "can0       23 poll interval           2   50.0 ms   50.0 ms   50.0 ms       0 ns\n",
+        "can0       23 poll response           3   1.00 ms   3.00 ms   7.00 ms    2.82 ms  1 x above 2.00 ms\n",
+    ] {
+        assert!(text.contains(line), "{text}");
+    }
+    assert!(!stats(&["--limit", "poll-response=6"]).contains(" x above "));
+    let json: Value = serde_json::from_str(&stats(&["--format", "json"])).expect("JSON");
+    let [polls, responses] = &json["measured"].as_array().expect("a list")[..] else {
+        panic!("{json}")
+    };
+    assert_eq!((&polls["bus"], &polls["station"]), (&"can0".into(), &23.into()));
+    assert_eq!(
+        (&polls["subject"], &polls["mean_ns"]),
+        (&"poll interval".into(), &50_000_000.into())
+    );
+    assert_eq!((&polls["count"], &polls["deviation_ns"]), (&2.into(), &0.into()));
+    assert_eq!((&responses["limit_ns"], &responses["above_limit"]), (&2_000_000.into(), &1.into()));
+}
+
 #[test]
 fn a_channel_is_chosen_by_its_interface() {
     let read = |name: &str| {

@@ -12,6 +12,7 @@ use super::{PROTOCOL, Settings};
 use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
 use crate::event::{Event, Loss, Moment};
 use crate::finding::Finding;
+use crate::measure::Measurement;
 use crate::protocol::{self, Conclusion, Dissector};
 use crate::record::{BusInfo, Output, Record};
 use crate::uart::Wire;
@@ -262,5 +263,9 @@ impl Dissector for DeviceNet {
 
     fn load(&self) -> Option<Load> {
         Some(*self.watch.load())
+    }
+
+    fn measurements(&self) -> Vec<Measurement> {
+        self.ledger.measurements()
     }
 }

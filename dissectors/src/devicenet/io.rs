@@ -35,12 +35,17 @@ impl Ledger {
             if is_poll {
                 facts.turn = Turn::Asks;
                 self.judge_poll(now, slave);
+                self.measure_poll(now, slave);
             } else {
                 let is_retry = self.is_retry(now, slave, Instance::Poll);
                 self.await_io_acknowledge(now, slave, Instance::Poll, is_retry);
             }
-            self.node(slave).poll =
-                Some(Command { mark: now.mark, answered: None, is_over: false });
+            self.node(slave).poll = Some(Command {
+                mark: now.mark,
+                bits: now.bits.unwrap_or_default(),
+                answered: None,
+                is_over: false,
+            });
         }
         self.flow(now, (slave, Instance::Poll, Direction::Consumed), piece);
     }
@@ -98,7 +103,7 @@ impl Ledger {
             }
             self.answer_poll(now, slave);
         }
-        if let Some(Command { mark, answered: Some(answered), is_over: false }) =
+        if let Some(Command { mark, answered: Some(answered), is_over: false, .. }) =
             self.nodes[slave.index()].poll
         {
             facts.request = Some(mark.n);
@@ -121,7 +126,12 @@ impl Ledger {
             return;
         }
         command.answered = Some(now.mark.start);
+        let command = *command;
         node.answers_polls = true;
+        if node.is_polled() {
+            self.measure_response(now, slave, command);
+        }
+        let node = &mut self.nodes[slave.index()];
         if node.connection(Instance::Poll).state == Stands::TimedOut {
             let asked = node.connection(Instance::Poll).consumed.last;
             self.revive(slave, Instance::Poll, now.mark.start);
@@ -341,7 +351,7 @@ impl Ledger {
                 self.judgement.find(Finding::new(&codes::UNSOLICITED_RESPONSE));
             }
             let is_over = is_second || before.is_some_and(|before| before.is_over);
-            node.strobe = Some(Command { mark, answered: Some(now.mark.start), is_over });
+            node.strobe = Some(Command { mark, bits: 0, answered: Some(now.mark.start), is_over });
             node.answers_strobes = true;
             self.strobed |= slave.bit();
             if !is_over {

@@ -40,6 +40,7 @@ mod management;
 pub mod message;
 mod names;
 mod node;
+mod pace;
 mod request;
 mod response;
 mod settings;

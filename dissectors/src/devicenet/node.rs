@@ -4,6 +4,7 @@ use super::allocation::Choice;
 use super::connection::{CONNECTIONS, Connection, Instance, Mark, State};
 use super::identifier::MacId;
 use super::message::{BodyFormat, Identity};
+use super::pace::Pace;
 use super::transactions::Transactions;
 use crate::event::Moment;
 
@@ -41,6 +42,8 @@ pub(super) struct Production {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Command {
     pub mark: Mark,
+    /// Its bits on the wire; 0 if not known.
+    pub bits: u16,
     /// When its answer began.
     pub answered: Option<Moment>,
     /// Another answer came after that: it and what follows answers nothing.
@@ -89,6 +92,7 @@ pub(super) struct Node {
     /// The last poll and strobe command.
     pub poll: Option<Command>,
     pub strobe: Option<Command>,
+    pub pace: Pace,
     /// It has answered a poll, a strobe since it was allocated.
     pub answers_polls: bool,
     pub answers_strobes: bool,

@@ -5,6 +5,8 @@
 pub struct Settings {
     /// An explicit answer is late after this, in ns.
     pub late_response_ns: i64,
+    /// Masters reckon with an answer to a poll within this, in ns: counted, not judged.
+    pub poll_response_ns: i64,
     /// An explicit request is given up after this, in ns.
     pub no_response_ns: i64,
     /// A fragment is to be acknowledged within this, in ns; then it is sent once more.
@@ -34,6 +36,7 @@ impl Default for Settings {
         Settings {
             late_response_ns: 500_000_000,
             no_response_ns: 1_000_000_000,
+            poll_response_ns: 2_000_000,
             fragment_acknowledge_ns: 1_000_000_000,
             io_acknowledge_ns: 24_000_000,
             late_production_percent: 150,
@@ -62,9 +65,12 @@ pub struct Limit {
 }
 
 /// All of them.
-pub static LIMITS: [Limit; 10] = [
+pub static LIMITS: [Limit; 11] = [
     milliseconds("late-response", "an explicit answer is late", |it| &mut it.late_response_ns),
     milliseconds("no-response", "an explicit request is given up", |it| &mut it.no_response_ns),
+    milliseconds("poll-response", "answers to polls are counted as slow", |it| {
+        &mut it.poll_response_ns
+    }),
     milliseconds("fragment-acknowledge", "a fragment is to be acknowledged", |it| {
         &mut it.fragment_acknowledge_ns
     }),

@@ -48,6 +48,11 @@ impl Timing {
         }
     }
 
+    /// How long so many bits take, in ns: at the slowest rate, where it is not known.
+    pub const fn bits_ns(self, bits: u32) -> i64 {
+        self.bit_ns.saturating_mul(bits as i64)
+    }
+
     /// How long after a deadline silence is certain, with stamps of that ±.
     pub fn patience(self, uncertainty: u32) -> i64 {
         2 * i64::from(uncertainty) + self.bit_ns

@@ -6,6 +6,7 @@ use fieldtap_dissectors::devicenet::PROTOCOL;
 use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
 use fieldtap_dissectors::field::Value;
 use fieldtap_dissectors::finding::State;
+use fieldtap_dissectors::measure::Measurement;
 use fieldtap_dissectors::protocol::Settings;
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
 use fieldtap_dissectors::uart::Baud;
@@ -82,6 +83,12 @@ impl Sink for Recorder {
     }
 }
 
+struct Nobody;
+
+impl Sink for Nobody {
+    fn record(&mut self, _: &Record<'_>) {}
+}
+
 fn shown(value: Value<'_>) -> Option<String> {
     Some(match value {
         Value::Absent => return None,
@@ -140,12 +147,14 @@ pub fn decode_at(rate: Option<Baud>, heard: &[Heard], end: Option<i64>) -> Vec<T
     recorder.0
 }
 
+/// What was measured of the stations.
+pub fn measured(heard: &[Heard]) -> Vec<Measurement> {
+    let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
+    hear(Baud::new(125_000), heard, None, settings, &mut Nobody).measurements()
+}
+
 /// The protocol that is found, where none is given.
 pub fn protocol_of(heard: &[Heard]) -> &'static str {
-    struct Nobody;
-    impl Sink for Nobody {
-        fn record(&mut self, _: &Record<'_>) {}
-    }
     let rate = Baud::new(125_000);
     let bus = hear(rate, heard, None, Settings::default(), &mut Nobody);
     bus.protocol().map_or("", |protocol| protocol.name)

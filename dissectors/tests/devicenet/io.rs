@@ -1,7 +1,7 @@
 //! I/O connections as a technician meets them. Master 0, encoder 23: 4BDh polls, 3D7h answers,
 //! 357h tells changes, 4BAh acknowledges them, 397h answers strobes, which are 400h.
 
-use crate::bus::{Told, decode_at, findings, read, script};
+use crate::bus::{Told, decode_at, findings, measured, read, script};
 
 /// Allocates poll, four bytes in, none out, every 75 ms: eight frames, 1 ms each.
 const POLL: [(f64, &str); 8] = [
@@ -32,6 +32,32 @@ fn polls_and_their_answers() {
     assert_eq!((answer.station, answer.get("io.data")), (Some(23), "45230100"));
     assert_eq!(answer.summary, "23 answers the poll in 1.00 ms: 45 23 01 00");
     assert_eq!(command.summary, "0 polls 23");
+}
+
+#[test]
+fn the_pace_of_polls_is_measured() {
+    // Every 50 ms, then after 60; answered after 1, 2.9 and 5 ms. Masters reckon with 2 ms besides
+    // the frames, of which the poll is 48 bits and the answer 74 and more: 976 µs and more.
+    let cycle = [
+        (10.0, "4BD#"),
+        (11.0, "3D7#45230100"),
+        (60.0, "4BD#"),
+        (62.9, "3D7#45230100"),
+        (120.0, "4BD#"),
+        (125.0, "3D7#45230100"),
+        // Nothing is known of the time in between.
+        (130.0, "lost"),
+        (500.0, "4BD#"),
+    ];
+    let measured = measured(&script(&[&POLL[..], &cycle].concat()));
+    let [polls, responses] = measured[..] else { panic!("{measured:?}") };
+    assert_eq!((polls.subject, polls.station, polls.limit), ("poll interval", 23, None));
+    assert_eq!((polls.spans.count(), polls.spans.mean()), (2, 55_000_000));
+    assert_eq!((polls.spans.min(), polls.spans.max()), (50_000_000, 60_000_000));
+    assert_eq!(polls.spans.deviation(), 5_000_000);
+    assert_eq!((responses.subject, responses.spans.count()), ("poll response", 3));
+    assert_eq!((responses.spans.min(), responses.spans.max()), (1_000_000, 5_000_000));
+    assert_eq!(responses.limit, Some((2_000_000, 1)));
 }
 
 #[test]
