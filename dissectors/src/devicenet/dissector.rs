@@ -99,6 +99,9 @@ impl DeviceNet {
     /// What a frame is that says nothing about the bus's state.
     fn glance(&mut self, frame: &Frame) -> Facts {
         if frame.kind == FrameKind::Error {
+            let findings = &self.ledger.judgement.findings;
+            let is_error = findings.iter().any(|finding| finding.code == &can::ERROR_FRAME);
+            self.ledger.errors += u64::from(is_error);
             return Facts::new(kind::CAN_ERROR);
         }
         if is_foreign(frame) {

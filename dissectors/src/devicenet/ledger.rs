@@ -79,6 +79,8 @@ pub(super) struct Ledger {
     pub dynamics: Dynamics,
     pub flood: Flood,
     pub judgement: Judgement,
+    /// Error frames so far.
+    pub errors: u64,
     /// Nodes that restarted and whose encoders were not told yet.
     pub restarted: u64,
     /// The last strobe of each master, and who strobed last.
@@ -103,6 +105,7 @@ impl Ledger {
             dynamics: Dynamics::new(),
             flood: Flood::new(wire.baud()),
             judgement: Judgement::default(),
+            errors: 0,
             restarted: 0,
             strobes: [None; MAC_IDS],
             last_strober: None,
@@ -182,7 +185,9 @@ impl Ledger {
         }
         let is_check = matches!(facts.kind, kind::DUP_MAC_REQUEST | kind::DUP_MAC_RESPONSE);
         if let Some(source) = facts.source.filter(|_| !is_check) {
-            self.node(source).heard = now.mark.start;
+            let errors = self.errors;
+            let node = self.node(source);
+            (node.heard, node.errors_before) = (now.mark.start, errors);
         }
         if facts.defect.is_some() {
             self.judgement.find(Finding::new(&codes::MALFORMED));

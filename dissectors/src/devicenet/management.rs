@@ -67,16 +67,19 @@ impl Ledger {
             // A controller that nobody acknowledges sends the same request over and over.
             check.is_alone |= now.is_repeating;
             node.online = if check.is_alone { Moment::UNKNOWN } else { start };
+            node.errors_before = self.errors;
             if check.is_restart && !check.is_told && !now.is_repeating {
                 check.is_told = true;
-                self.judgement.find(Finding::new(&codes::NODE_RESTART));
+                self.judgement.find(restart(check.errors));
             }
             return;
         }
         let heard = |when: Moment| start.since(when).is_some_and(|ns| ns <= settings.restart_ns);
         let is_restart = heard(node.heard) || heard(node.online);
+        let errors = self.errors - node.errors_before;
+        node.errors_before = self.errors;
         let first = now.mark;
-        node.check = Some(Check { first, last: start, is_restart, ..Check::default() });
+        node.check = Some(Check { first, last: start, is_restart, errors, ..Check::default() });
         self.wait(Some(mac), start.plus(settings.check_ns));
     }
 
@@ -89,12 +92,13 @@ impl Ledger {
         };
         check.is_over = true;
         let is_news = check.is_restart && !check.is_told;
+        let errors = check.errors;
         check.is_told = true;
         if !check.is_alone {
             node.online = check.last;
         }
         if is_news {
-            self.judgement.find(Finding::new(&codes::NODE_RESTART));
+            self.judgement.find(restart(errors));
         }
         for instance in Instance::ALL {
             self.end_states(mac, instance, now);
@@ -227,4 +231,10 @@ impl Ledger {
             _ => facts.blame(Some(Defect::Length)),
         }
     }
+}
+
+/// A node started anew, after so many error frames: then it may have been bus-off.
+fn restart(errors: u64) -> Finding {
+    let finding = Finding::new(&codes::NODE_RESTART);
+    if errors > 0 { finding.actual(errors.cast_signed()) } else { finding }
 }

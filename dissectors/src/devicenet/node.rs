@@ -17,6 +17,8 @@ pub(super) struct Check {
     pub last: Moment,
     /// The node was heard shortly before.
     pub is_restart: bool,
+    /// Error frames since the node was heard.
+    pub errors: u64,
     /// Its outcome was told, or nothing is to be told.
     pub is_told: bool,
     /// Its time is over.
@@ -65,6 +67,8 @@ pub(super) struct Node {
     pub identity: Option<Identity>,
     /// When it last sent anything but a duplicate MAC ID check; unknown if never.
     pub heard: Moment,
+    /// Error frames on the bus when it last sent anything.
+    pub errors_before: u64,
     /// When it last finished a check; unknown if never.
     pub online: Moment,
     pub check: Option<Check>,

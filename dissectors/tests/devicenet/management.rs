@@ -38,6 +38,32 @@ fn a_node_that_was_on_line_restarts() {
 }
 
 #[test]
+fn error_frames_before_a_restart_make_bus_off_likely() {
+    // A bus error that says nothing more (linux/can/error.h: class 80h).
+    let error = |ms: i64| {
+        let (start, id) = (Moment::from_ns(ms * 1_000_000), Identifier::Extended(0x80));
+        Heard::Frame(Frame::new(start, 1_000, FrameKind::Error, id, 8).with(&[0; 8]))
+    };
+    let frame = |ms: i64, text| Heard::Frame(frame_ns(ms * 1_000_000, text));
+    let heard = [
+        error(0),
+        frame(10, "4BB#008E00"),
+        error(20),
+        error(21),
+        frame(500, CHECK),
+        frame(1_490, CHECK),
+    ];
+    let told = decode(&heard, Some(4_000_000_000));
+    assert_eq!(told[5].codes, ["node-restart"]);
+    assert_eq!(
+        told[5].says,
+        ["node 23 started anew after 2 error frames: it may have been bus-off"]
+    );
+    let told = decode(&heard[..2].iter().chain(&heard[4..]).cloned().collect::<Vec<_>>(), None);
+    assert_eq!(told[3].says, ["node 23 started anew"]);
+}
+
+#[test]
 fn a_master_that_was_on_line_restarts() {
     let check = "407#00010092396060";
     let told = read(&[(0.0, "4BC#000E010101"), (1.0, "4BB#008ED401"), (500.0, check)], 2_500.0);

@@ -111,7 +111,7 @@ pub static NODE_RESTART: Code = Code {
     is_cause: true,
     meaning: "A node that was on line started anew: its connections are gone.",
     rule: "A node checks its MAC ID when it starts, after a reset, and after bus-off (CIP Vol. 3, chapter 6).",
-    evidence: "Its duplicate MAC ID check within 10 s of its last frame, not answered, with the same serial number. Told on the second request, or 1 s after the first. Requests that follow each other for want of an acknowledge are one check.",
+    evidence: "Its duplicate MAC ID check within 10 s of its last frame, not answered, with the same serial number. Told on the second request, or 1 s after the first. Requests that follow each other for want of an acknowledge are one check. Error frames since the node's last frame are counted: they make bus-off likely, without them look at its supply first.",
     causes: &[
         "its supply breaks down: a loose plug, a long thin cable, too many nodes on one supply",
         "it was reset by a tool, or by its own watchdog",
@@ -119,7 +119,14 @@ pub static NODE_RESTART: Code = Code {
     ],
     next: &[SUPPLY, PLUG, ERRORS, "look for a Reset (service 05h, class 1) shortly before"],
     cure: Cure { one: "check supply and plug", all: "check the network supply" },
-    say: |_, record, out| write!(out, "node {} started anew", record.station.unwrap_or_default()),
+    say: |finding, record, out| {
+        write!(out, "node {} started anew", record.station.unwrap_or_default())?;
+        match finding.actual {
+            Some(1) => write!(out, " after an error frame: it may have been bus-off"),
+            Some(errors) => write!(out, " after {errors} error frames: it may have been bus-off"),
+            None => Ok(()),
+        }
+    },
 };
 
 /// A node announces that it goes off line.
