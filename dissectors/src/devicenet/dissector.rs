@@ -261,7 +261,8 @@ impl Dissector for DeviceNet {
     }
 
     fn conclusions(&self) -> Vec<Conclusion> {
-        self.encoders.conclusions(|mac| self.ledger.node_state(mac))
+        let devices = self.encoders.conclusions(|mac| self.ledger.node_state(mac));
+        devices.into_iter().chain(self.ledger.twins()).collect()
     }
 
     fn load(&self) -> Option<Load> {

@@ -34,16 +34,17 @@ impl Ledger {
             return;
         }
         if is_response {
-            self.taken_mac(mac, facts);
+            self.taken_mac(now, mac, facts);
         } else {
             self.check(now, mac, facts);
         }
     }
 
     /// A node that is on line defends its MAC ID: the one that asked is a second one.
-    fn taken_mac(&mut self, mac: MacId, facts: &Facts) {
+    fn taken_mac(&mut self, now: &Now<'_>, mac: MacId, facts: &Facts) {
         let node = self.node(mac);
         node.identity = node.identity.or(facts.identity);
+        node.identified = now.mark.start;
         node.check = None;
         self.judgement.find(Finding::new(&codes::DUPLICATE_MAC));
     }
@@ -58,7 +59,7 @@ impl Ledger {
             self.judgement.find(Finding::new(&codes::DUPLICATE_MAC));
             return;
         }
-        node.identity = facts.identity;
+        (node.identity, node.identified) = (facts.identity, start);
         let belongs = |check: &Check| {
             start.since(check.last).is_some_and(|ns| ns <= settings.check_spacing_ns)
         };

@@ -32,6 +32,7 @@ mod flood;
 mod flow;
 mod fragment;
 pub mod identifier;
+mod inventory;
 mod io;
 mod layer;
 mod learn;

@@ -65,6 +65,8 @@ pub(super) struct Silence {
 pub(super) struct Node {
     /// Vendor and serial number, once they were told.
     pub identity: Option<Identity>,
+    /// When it told them last.
+    pub identified: Moment,
     /// When it last sent anything but a duplicate MAC ID check; unknown if never.
     pub heard: Moment,
     /// Error frames on the bus when it last sent anything.

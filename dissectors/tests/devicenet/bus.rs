@@ -7,7 +7,7 @@ use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
 use fieldtap_dissectors::field::Value;
 use fieldtap_dissectors::finding::State;
 use fieldtap_dissectors::measure::Measurement;
-use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::protocol::{Conclusion, Settings};
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
 use fieldtap_dissectors::uart::Baud;
 use std::collections::BTreeMap;
@@ -149,8 +149,21 @@ pub fn decode_at(rate: Option<Baud>, heard: &[Heard], end: Option<i64>) -> Vec<T
 
 /// What was measured of the stations.
 pub fn measured(heard: &[Heard]) -> Vec<Measurement> {
+    after(heard).measurements()
+}
+
+/// What was found out: `subject value station (evidence)`.
+pub fn concluded(heard: &[Heard]) -> Vec<String> {
+    let text = |it: Conclusion| {
+        let station = it.station.map_or(String::new(), |station| format!(" {station}"));
+        format!("{} {}{station} ({})", it.subject, it.value.unwrap_or_default(), it.evidence)
+    };
+    after(heard).conclusions().into_iter().map(text).collect()
+}
+
+fn after(heard: &[Heard]) -> Bus {
     let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
-    hear(Baud::new(125_000), heard, None, settings, &mut Nobody).measurements()
+    hear(Baud::new(125_000), heard, None, settings, &mut Nobody)
 }
 
 /// The protocol that is found, where none is given.

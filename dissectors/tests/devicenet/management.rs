@@ -1,6 +1,6 @@
 //! Who is there: checks, restarts, heartbeats, and what does not belong on the bus.
 
-use crate::bus::{Heard, decode, findings, frame_ns, protocol_of, read, script};
+use crate::bus::{Heard, concluded, decode, findings, frame_ns, protocol_of, read, script};
 use fieldtap_dissectors::can::{Frame, FrameKind, Identifier};
 use fieldtap_dissectors::event::Moment;
 
@@ -76,6 +76,30 @@ fn two_nodes_with_one_mac_id() {
     assert_eq!(findings(&told), ["3 dup-mac-response duplicate-mac"]);
     let told = read(&[(0.0, CHECK), (5_000.0, "4BF#00D40102000000")], 8_500.0);
     assert_eq!(findings(&told), ["2 dup-mac-request duplicate-mac"]);
+}
+
+#[test]
+fn one_device_at_two_mac_ids_has_moved_or_is_two() {
+    // Vendor 468, serial 1 at MAC ID 63, then at 23.
+    let moved = [(0.0, "5FF#00D40101000000"), (500.0, "5FB#3FCD010003000000"), (3_000.0, CHECK)];
+    let wanted = |evidence: &str| {
+        [63, 23].map(|mac| format!("serial number 00000001h of vendor 468 {mac} ({evidence})"))
+    };
+    let mut told = concluded(&script(&moved));
+    told.reverse();
+    let has_moved =
+        "the first was not heard after the last came: a device that has another MAC ID now";
+    assert_eq!(told, wanted(has_moved));
+    // 63 answers while 23 is there.
+    let two = [&moved[..], &[(4_000.0, "5FB#3FCD010003000000")]].concat();
+    let mut told = concluded(&script(&two));
+    told.reverse();
+    let are_two = "the first was heard after the last came: two devices with one serial number";
+    assert_eq!(told, wanted(are_two));
+    assert_eq!(findings(&read(&two, 9_000.0)), [""; 0]);
+    // Another serial number.
+    let others = [(0.0, "5FF#00D40102000000"), (3_000.0, CHECK)];
+    assert_eq!(concluded(&script(&others)), [""; 0]);
 }
 
 #[test]
