@@ -182,7 +182,11 @@ impl DataType {
     /// Data is missing or left over.
     pub fn decode(self, data: &[u8]) -> Result<Value<'_>, WrongLength> {
         Ok(match self {
-            DataType::Bool => Value::Bool(exactly::<1>(data)? != [0]),
+            DataType::Bool => match exactly::<1>(data)? {
+                // CIP Vol. 1, appendix C: 0 or 1. What is neither must not look like either.
+                [byte @ 0..=1] => Value::Bool(byte == 1),
+                [byte] => Value::Unsigned(u64::from(byte)),
+            },
             DataType::Sint => Value::Signed(i8::from_le_bytes(exactly(data)?).into()),
             DataType::Int | DataType::Itime => {
                 Value::Signed(i16::from_le_bytes(exactly(data)?).into())
@@ -350,6 +354,7 @@ mod tests {
         assert_eq!(DataType::Lreal.decode(&[0, 0, 0, 0, 0, 0, 0xF8, 0x3F]), Ok(Value::Real(1.5)));
         assert_eq!(DataType::Word.decode(&[0x04, 0x00]).unwrap().to_string(), "0004h");
         assert_eq!(DataType::Bool.decode(&[1]), Ok(Value::Bool(true)));
+        assert_eq!(DataType::Bool.decode(&[2]), Ok(Value::Unsigned(2)));
     }
 
     #[test]
