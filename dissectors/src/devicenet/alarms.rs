@@ -132,13 +132,17 @@ impl Ledger {
                 take(due, request.uncertainty, Missing::Answer(mac, mark.n));
             }
         }
-        for instance in [Instance::Poll, Instance::Strobe, Instance::Production] {
+        for instance in Instance::ALL {
             let connection = &node.connections[instance.index()];
+            if instance == Instance::Explicit && connection.is_deferred() {
+                continue;
+            }
             for direction in [Direction::Consumed, Direction::Produced] {
                 // A slave that never answered may be one that has nothing to answer.
                 let answers = match instance {
                     Instance::Poll => node.answers_polls,
                     Instance::Strobe => node.answers_strobes,
+                    Instance::Multicast => connection.produced.last.is_some(),
                     _ => true,
                 };
                 let is_due =
@@ -192,6 +196,10 @@ impl Ledger {
                 let link = Some(Link::Explicit);
                 Some(Told { about: Some(awaiting.n), station, link, ..told })
             }
+            Missing::Message(mac, Instance::Explicit, _) => {
+                self.leave_explicit(mac, due);
+                None
+            }
             Missing::Message(mac, instance, direction) => {
                 let about = self.time_out(mac, instance, direction, due);
                 let link = Some(self.link_of(mac, instance));
@@ -238,6 +246,14 @@ impl Ledger {
         })
     }
 
+    /// Nothing is asked any more: the explicit connection goes by itself, which is how a master or
+    /// a tool that is done leaves it. It is told when it is used again.
+    fn leave_explicit(&mut self, mac: MacId, now: Moment) {
+        let node = &mut self.nodes[mac.index()];
+        node.connection(Instance::Explicit).time_out(Stands::Gone, now);
+        node.guess = node.format.take().or(node.guess);
+    }
+
     /// An I/O connection times out. Returns the record of its last message, if there was one.
     fn time_out(
         &mut self,
@@ -250,7 +266,7 @@ impl Ledger {
         let mut finding = Finding::new(&codes::CONNECTION_TIMEOUT).state(State::Begin);
         finding.expected = connection.rate_ns();
         finding.limit = connection.limit();
-        (connection.state, connection.since) = (Stands::TimedOut, now);
+        connection.time_out(Stands::TimedOut, now);
         self.judgement.find(finding);
         connection.flow(direction).last.map(|mark| mark.n)
     }

@@ -5,6 +5,10 @@
 use super::settings::Settings;
 use crate::event::Moment;
 
+/// Watchdog action of an explicit connection that waits for the I/O connections to go (attribute
+/// 12): deferred delete.
+const DEFERRED: u8 = 3;
+
 /// Connections of the predefined set.
 pub(super) const CONNECTIONS: usize = 5;
 
@@ -112,6 +116,8 @@ pub(super) struct Connection {
     pub inhibit: Option<u16>,
     /// What the slave does when it times out (attribute 12).
     pub watchdog: Option<u8>,
+    /// It was told that it is used although it is gone, or timed out.
+    pub is_misuse_told: bool,
     /// The slave is not to answer (transport class 0).
     pub is_mute: bool,
     pub produced: Flow,
@@ -160,6 +166,16 @@ impl Connection {
     pub fn allocate(&mut self, state: State, now: Moment) {
         let rate = if state == State::Established { Some(2_500) } else { Some(0) };
         *self = Connection { state, rate, since: now, inhibit: Some(0), ..Connection::default() };
+    }
+
+    /// Whether it goes when it times out, or waits for the I/O connections to go.
+    pub fn is_deferred(&self) -> bool {
+        self.watchdog == Some(DEFERRED)
+    }
+
+    /// Nothing came for too long: it stands so from now on.
+    pub const fn time_out(&mut self, state: State, now: Moment) {
+        (self.state, self.since, self.is_misuse_told) = (state, now, false);
     }
 
     /// It is in use from now on.

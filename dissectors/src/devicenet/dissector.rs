@@ -153,6 +153,7 @@ impl DeviceNet {
         record.turn = facts.turn;
         record.findings = &self.ledger.judgement.findings;
         record.withheld = &self.ledger.judgement.withheld;
+        record.ongoing = &self.ledger.judgement.ongoing;
         out.emit(record);
     }
 

@@ -174,35 +174,32 @@ impl Ledger {
         }
     }
 
-    /// The explicit connection of the predefined set goes by itself when nothing came for four
-    /// times its rate, unless it is told to wait for the I/O connections.
+    /// The explicit connection of the predefined set is used: it goes by itself when nothing comes
+    /// for four times its rate.
     fn keep_alive(&mut self, now: &Now<'_>, server: MacId, from_server: bool) {
-        let timing = self.timing;
-        let node = &mut self.nodes[server.index()];
-        let connection = node.connection(Instance::Explicit);
-        let last = connection.consumed.last;
-        let gap = last.and_then(|last| now.mark.start.since(last.start));
-        let uncertainty = last.map_or(0, |it| it.uncertainty) + now.mark.uncertainty;
-        let is_over = gap.zip(connection.limit()).is_some_and(|(gap, limit)| {
-            timing.above(gap, limit, i64::from(uncertainty)) == super::timing::Verdict::Broken
-        });
+        let connection = self.nodes[server.index()].connection(Instance::Explicit);
         connection.consumed.last = Some(now.mark);
-        let is_established = connection.state == Stands::Established;
-        if is_over && !from_server && is_established && connection.watchdog != Some(3) {
-            connection.state = Stands::Gone;
-            node.guess = node.format.take().or(node.guess);
-        }
-        if !from_server && node.connection(Instance::Explicit).state == Stands::Gone {
+        if connection.state == Stands::Established {
+            self.wait_for(server, Instance::Explicit);
+        } else if !from_server {
             self.tell_unallocated(server, Instance::Explicit);
         }
     }
 
-    /// I/O or requests on a connection that was released, timed out or went with a restart.
+    /// I/O or requests on a connection that was released, timed out or went with a restart: told
+    /// once, until it is allocated anew.
     pub fn tell_unallocated(&mut self, slave: MacId, instance: Instance) {
         let connection = self.nodes[slave.index()].connection(instance);
-        if !connection.is_judged() {
-            self.judgement.find(Finding::new(&codes::NOT_ALLOCATED));
+        if connection.is_judged() {
+            return;
         }
+        if core::mem::replace(&mut connection.is_misuse_told, true) {
+            return self.judgement.ongoing.push(&codes::NOT_ALLOCATED);
+        }
+        // Of a connection that was released, no rate is known any more.
+        let mut finding = Finding::new(&codes::NOT_ALLOCATED);
+        finding.limit = connection.limit();
+        self.judgement.find(finding);
     }
 
     /// A message that is no fragment ends what was being put together for its direction.

@@ -222,9 +222,10 @@ impl Ledger {
 /// change-of-state messages have a timer of their own.
 pub(super) const fn is_timed(instance: Instance, direction: Direction) -> bool {
     match instance {
-        Instance::Poll | Instance::Strobe => true,
+        Instance::Poll | Instance::Strobe | Instance::Multicast => true,
         Instance::Production => matches!(direction, Direction::Produced),
-        Instance::Explicit | Instance::Multicast => false,
+        // Whoever sends: requests and answers keep it alive.
+        Instance::Explicit => matches!(direction, Direction::Consumed),
     }
 }
 

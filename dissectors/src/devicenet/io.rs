@@ -377,6 +377,13 @@ impl Ledger {
         (facts.kind, facts.link) = (kind::MULTICAST_POLL_COMMAND, Some(Link::Multicast));
         facts.source = self.multicaster;
         self.multicast = Some(now.mark);
+        // Which group a slave is of, the traffic does not tell: any command keeps it.
+        let nodes = &self.nodes;
+        let is_member = |mac: &MacId| nodes[mac.index()].has(Choice::MULTICAST);
+        let members = macs(u64::MAX).filter(is_member).fold(0, |set, slave| set | slave.bit());
+        for slave in macs(members) {
+            self.flow(now, (slave, Instance::Multicast, Direction::Consumed), Piece::First);
+        }
     }
 
     /// A slave answers a multicast poll.
@@ -389,6 +396,11 @@ impl Ledger {
         if let Some(mark) = self.multicast {
             facts.request = Some(mark.n);
             facts.response_time = now.mark.start.since(mark.start);
+        }
+        if self.node(slave).connection(Instance::Multicast).state == Stands::TimedOut {
+            let asked = self.multicast;
+            self.revive(slave, Instance::Multicast, now.mark.start);
+            self.node(slave).connection(Instance::Multicast).consumed.last = asked;
         }
         self.flow(now, at, piece);
     }

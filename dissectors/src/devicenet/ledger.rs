@@ -35,6 +35,8 @@ pub(super) struct Now<'a> {
 pub(super) struct Judgement {
     pub findings: Vec<Finding>,
     pub withheld: Vec<&'static Code>,
+    /// What was told before and holds here once more: to be counted.
+    pub ongoing: Vec<&'static Code>,
 }
 
 impl Judgement {
@@ -63,6 +65,7 @@ impl Judgement {
     pub fn clear(&mut self) {
         self.findings.clear();
         self.withheld.clear();
+        self.ongoing.clear();
     }
 }
 

@@ -26,6 +26,8 @@ pub struct Told {
     /// The sentence of each.
     pub says: Vec<String>,
     pub withheld: Vec<&'static str>,
+    /// Codes that are only counted.
+    pub ongoing: Vec<&'static str>,
     /// The protocol's fields that apply, without `devicenet.`.
     pub fields: BTreeMap<&'static str, String>,
 }
@@ -78,6 +80,7 @@ impl Sink for Recorder {
             codes: codes.collect(),
             says: says.collect(),
             withheld: record.withheld.iter().map(|code| code.name).collect(),
+            ongoing: record.ongoing.iter().map(|code| code.name).collect(),
             fields: fields.collect(),
         });
     }

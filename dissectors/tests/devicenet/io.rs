@@ -97,11 +97,15 @@ fn a_connection_times_out_after_four_times_its_rate() {
         [
             "11 event connection-timeout+",
             "12 poll-command not-allocated",
-            "13 poll-command not-allocated",
-            "14 poll-command not-allocated",
             "15 poll-response connection-timeout-",
         ]
     );
+    // Told once, and counted.
+    assert_eq!(told[11].says, ["poll connection of 23 timed out: nothing had come for 300 ms"]);
+    assert_eq!(told[12].ongoing, ["devicenet.not-allocated"]);
+    assert_eq!(told[13].ongoing, ["devicenet.not-allocated"]);
+    // From 310 ms on, when it was due.
+    assert_eq!(told[14].says, ["over: poll time-out of 23, after 841 ms"]);
     let event = &told[10];
     assert_eq!((event.ns, event.about, event.station), (Some(310_000_000), Some(9), Some(23)));
     assert_eq!(event.summary, "poll connection of 23 timed out: nothing for 300 ms");
@@ -129,7 +133,62 @@ fn a_released_connection_is_not_judged() {
         ],
         2_000.0,
     );
-    assert_eq!(findings(&told), ["13 poll-command not-allocated", "14 poll-command not-allocated"]);
+    assert_eq!(findings(&told), ["13 poll-command not-allocated"]);
+    assert_eq!(told[12].says, ["poll connection of 23 is not allocated any more"]);
+    assert_eq!(told[13].ongoing, ["devicenet.not-allocated"]);
+    // Allocated anew and released once more: another story.
+    let again = [
+        (600.0, "4BE#004B03010300"),
+        (601.0, "4BB#00CB00"),
+        (602.0, "4BE#004C030103"),
+        (603.0, "4BB#00CC"),
+        (700.0, "4BD#"),
+        (800.0, "4BD#"),
+    ];
+    let release = [(12.0, "4BE#004C030103"), (13.0, "4BB#00CC"), (500.0, "4BD#")];
+    let told = with(&POLL, &[&release[..], &again].concat(), 2_000.0);
+    assert_eq!(findings(&told), ["11 poll-command not-allocated", "16 poll-command not-allocated"]);
+}
+
+#[test]
+fn a_time_out_ends_where_the_connection_does() {
+    // Timed out at 310 ms, released at 510 ms: what ended is the I/O connection's time-out.
+    let told = with(
+        &POLL,
+        &[(10.0, "4BD#"), (11.0, "3D7#45230100"), (500.0, "4BE#004C030103"), (510.0, "4BB#00CC")],
+        520.0,
+    );
+    assert_eq!(
+        findings(&told),
+        ["11 event connection-timeout+", "13 unconnected-response connection-timeout-"]
+    );
+    assert_eq!(told[12].says, ["over: I/O time-out of 23, after 200 ms"]);
+}
+
+#[test]
+fn an_explicit_connection_that_nobody_uses_goes_by_itself() {
+    let explicit = [(0.0, "4BE#004B03010100"), (1.0, "4BB#00CB00")];
+    let defer = [(2.0, "4BC#001005010C03"), (3.0, "4BB#0090")];
+    let ask = [(100.0, "4BC#000E010101"), (101.0, "4BB#008ED401")];
+    // Four times 2500 ms after the answer: nothing is wrong, and nothing is told.
+    let told = with(&explicit, &ask, 20_000.0);
+    assert_eq!(findings(&told), [""; 0]);
+    // Used again after that.
+    let later =
+        [(10_100.0, "4BC#000E010101"), (20_200.0, "4BC#000E010101"), (20_300.0, "4BC#000E010101")];
+    let told = with(&explicit, &[&ask[..], &later[1..]].concat(), 20_400.0);
+    assert_eq!(
+        findings(&told),
+        ["5 explicit-request not-allocated", "6 explicit-request xid-busy"]
+    );
+    assert_eq!(told[4].says, ["explicit connection of 23 timed out: nothing had come for 10.0 s"]);
+    assert_eq!(told[4].get("assumed"), "body_format");
+    assert_eq!(told[5].ongoing, ["devicenet.not-allocated"]);
+    // In time; and one that waits for the I/O connections (attribute 12 is 3).
+    let told = with(&explicit, &[&ask[..], &later[..1]].concat(), 10_200.0);
+    assert_eq!(findings(&told), [""; 0]);
+    let told = with(&explicit, &[&defer[..], &ask[..], &later[1..2]].concat(), 20_300.0);
+    assert_eq!(findings(&told), [""; 0]);
 }
 
 #[test]
@@ -325,6 +384,23 @@ fn multicast_polls_need_an_allocation() {
     assert_eq!(findings(&told), [""; 0]);
     assert_eq!((told[0].kind, told[3].kind), ("io", "multicast-poll-command"));
     assert_eq!((told[4].kind, told[4].get("request")), ("multicast-poll-response", "4"));
+    // Instance 5 at 75 ms: the master looks away for more than 300 ms.
+    let told = with(
+        &[
+            (0.0, "4BE#004B03010900"),
+            (1.0, "4BB#00CB00"),
+            (2.0, "4BC#00100505094B00"),
+            (3.0, "4BB#00904B00"),
+        ],
+        &[(10.0, "401#01"), (11.0, "317#02"), (400.0, "401#01"), (401.0, "317#02")],
+        450.0,
+    );
+    assert_eq!(
+        findings(&told),
+        ["7 event connection-timeout+", "9 multicast-poll-response connection-timeout-"]
+    );
+    assert_eq!((told[6].ns, told[6].about), (Some(310_000_000), Some(5)));
+    assert_eq!(told[6].summary, "multicast connection of 23 timed out: nothing for 300 ms");
 }
 
 #[test]

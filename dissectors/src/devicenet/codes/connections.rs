@@ -3,7 +3,7 @@
 use super::super::layer;
 use super::{ERRORS, PLUG, SUPPLY};
 use crate::field::Value;
-use crate::finding::{Code, Cure, Severity, Span};
+use crate::finding::{Code, Cure, Severity, Span, State};
 use crate::record::Record;
 use core::fmt;
 
@@ -11,11 +11,31 @@ const SCAN_LIST: &str = "compare the sizes in the scan list with what the device
 const DELTA: &str = "raise the COS delta of the encoder: class 2Fh attribute 11";
 const INHIBIT: &str = "raise the production inhibit time: class 5 instance 4 attribute 17";
 
+/// Connections that carry no I/O.
+const MESSAGES: [&str; 3] = ["explicit", "ucmm", "unconnected"];
+
 fn connection(record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
     match record.get(layer::CONNECTION) {
         Value::Text(name) => write!(out, "{name} connection")?,
         _ => write!(out, "connection")?,
     }
+    whose(record, out)
+}
+
+/// The same of I/O: where it ends, the record is about the release or the restart.
+fn io_connection(record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
+    write!(out, "{} connection", io_name(record))?;
+    whose(record, out)
+}
+
+fn io_name<'a>(record: &'a Record<'_>) -> &'a str {
+    match record.get(layer::CONNECTION) {
+        Value::Text(name) if !MESSAGES.contains(&name) => name,
+        _ => "I/O",
+    }
+}
+
+fn whose(record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
     match record.station {
         Some(station) => write!(out, " of {station}"),
         None => Ok(()),
@@ -44,11 +64,14 @@ pub static CONNECTION_TIMEOUT: Code = Code {
     ],
     cure: Cure { one: "check supply and plug", all: "check the master and the supply" },
     say: |finding, record, out| {
-        connection(record, out)?;
-        write!(out, " timed out")?;
-        match (finding.limit, finding.state) {
-            (Some(limit), _) => write!(out, ": nothing for {}", Span(limit)),
-            _ => Ok(()),
+        if let Some(State::End(_)) = finding.state {
+            write!(out, "{} time-out", io_name(record))?;
+            return whose(record, out);
+        }
+        io_connection(record, out)?;
+        match finding.limit {
+            Some(limit) => write!(out, " timed out: nothing for {}", Span(limit)),
+            None => write!(out, " timed out"),
         }
     },
 };
@@ -95,7 +118,7 @@ pub static SIZE_MISMATCH: Code = Code {
     next: &[SCAN_LIST, "read the produced path: class 5 instance 2 attribute 14"],
     cure: Cure { one: "compare the scan list entry", all: "compare the scan list" },
     say: |finding, record, out| {
-        connection(record, out)?;
+        io_connection(record, out)?;
         match (finding.actual, finding.expected) {
             (Some(actual), Some(expected)) => {
                 write!(out, " carries {actual} bytes, its size is {expected}")
@@ -191,7 +214,7 @@ pub static IO_UNACKNOWLEDGED: Code = Code {
     ],
     cure: Cure { one: "compare the acknowledge setting", all: "check the master" },
     say: |finding, record, out| {
-        connection(record, out)?;
+        io_connection(record, out)?;
         match (record.get(layer::SOURCE), record.station) {
             (Value::Int(source), Some(station)) if source != i64::from(station) => {
                 write!(out, ": {station} did not acknowledge its master")?;
@@ -241,16 +264,19 @@ pub static NOT_ALLOCATED: Code = Code {
     is_cause: false,
     meaning: "A connection is used that was released, has timed out, or went with a restart.",
     rule: "A slave takes messages only on connections that are allocated and established (CIP Vol. 3, chapter 5).",
-    evidence: "The release, time-out or restart was seen, and no allocation since.",
+    evidence: "The release, time-out or restart was seen, and no allocation since. Told once until it is allocated anew; what follows is counted. An explicit connection that nobody uses goes by itself after 10 s, or four times its rate: nothing is wrong with that, and it is told only here.",
     causes: &[
         "the master has not noticed yet that the slave timed out or restarted",
         "the slave's own rate is longer than what was seen",
     ],
     next: &["look how long the master takes to allocate anew", "look for the cause before it"],
     cure: Cure { one: "look what happened before to", all: "look what happened before" },
-    say: |_, record, out| {
+    say: |finding, record, out| {
         connection(record, out)?;
-        write!(out, " is not allocated any more")
+        match finding.limit {
+            Some(limit) => write!(out, " timed out: nothing had come for {}", Span(limit)),
+            None => write!(out, " is not allocated any more"),
+        }
     },
 };
 
@@ -300,7 +326,7 @@ pub static IDLE: Code = Code {
     next: &["put the controller into run mode"],
     cure: Cure { one: "put the controller into run mode, slave", all: "put it into run mode" },
     say: |_, record, out| {
-        connection(record, out)?;
+        io_connection(record, out)?;
         write!(out, " is idle")
     },
 };
