@@ -74,8 +74,10 @@ fn a_master_that_was_on_line_restarts() {
 fn two_nodes_with_one_mac_id() {
     let told = read(&[(0.0, "4BB#008E00"), (500.0, CHECK), (501.0, "4BF#80D40102000000")], 2_500.0);
     assert_eq!(findings(&told), ["3 dup-mac-response duplicate-mac"]);
+    assert_eq!(told[2].says, ["MAC ID 23 is taken: a second node is kept off the bus"]);
     let told = read(&[(0.0, CHECK), (5_000.0, "4BF#00D40102000000")], 8_500.0);
     assert_eq!(findings(&told), ["2 dup-mac-request duplicate-mac"]);
+    assert_eq!(told[1].says, ["another node than before asks for MAC ID 23"]);
 }
 
 #[test]

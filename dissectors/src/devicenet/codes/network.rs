@@ -1,5 +1,6 @@
 //! Codes about nodes: who is there, and what does not belong on the bus.
 
+use super::super::layer::kind;
 use super::{ERRORS, PLUG, RATE, SUPPLY, SWITCHES, TERMINATION};
 use crate::finding::{Code, Cure, Severity};
 
@@ -34,7 +35,7 @@ pub static DUPLICATE_MAC: Code = Code {
     is_cause: true,
     meaning: "Two nodes have the same MAC ID: the second one must not go on line.",
     rule: "Before it goes on line, a node asks twice, 1 s apart, whether its MAC ID is taken; a node that is on line answers (CIP Vol. 3, chapter 6: duplicate MAC ID detection).",
-    evidence: "An answer to such a request, or a request with another vendor or serial number than the node's.",
+    evidence: "An answer to such a request, or a request with another vendor or serial number than the node's. Both are told where both are seen.",
     causes: &[
         "two encoders have the same setting of the rotary switches",
         "a new device came with the MAC ID of delivery, 63 on most, while another is 63",
@@ -47,7 +48,13 @@ pub static DUPLICATE_MAC: Code = Code {
     ],
     cure: Cure { one: "compare the MAC ID switches", all: "compare all MAC ID switches" },
     say: |_, record, out| {
-        write!(out, "a second node has MAC ID {}", record.station.unwrap_or_default())
+        let mac = record.station.unwrap_or_default();
+        match record.kind {
+            kind::DUP_MAC_RESPONSE => {
+                write!(out, "MAC ID {mac} is taken: a second node is kept off the bus")
+            }
+            _ => write!(out, "another node than before asks for MAC ID {mac}"),
+        }
     },
 };
 
