@@ -226,27 +226,8 @@ pub(super) struct Message<'a> {
 pub static FIELDS: [Field; can::FIELDS.len() + OWN.len()] = joined(can::FIELDS, OWN);
 
 /// The fields that findings ask their record for.
-pub(super) const DEFECT: FieldId = id_of("devicenet.defect");
-pub(super) const CONNECTION: FieldId = id_of("devicenet.connection");
-pub(super) const SOURCE: FieldId = id_of("devicenet.source");
-
-/// The field of that name: known when the program is built, or it is not.
-const fn id_of(name: &str) -> FieldId {
-    let mut id = 0;
-    while !is_same(FIELDS[id].name, name) {
-        id += 1;
-    }
-    id
-}
-
-const fn is_same(one: &str, other: &str) -> bool {
-    let (one, other) = (one.as_bytes(), other.as_bytes());
-    let mut index = 0;
-    while index < one.len() && index < other.len() && one[index] == other[index] {
-        index += 1;
-    }
-    index == one.len() && index == other.len()
-}
+pub(super) const DEFECT: FieldId = can::FIELDS.len();
+pub(super) const CONNECTION: FieldId = can::FIELDS.len() + 1;
 
 const BYTE: Kind = Kind::Int(0, 255);
 const WORD: Kind = Kind::Int(0, 65_535);

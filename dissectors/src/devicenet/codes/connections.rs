@@ -215,7 +215,7 @@ pub static IO_UNACKNOWLEDGED: Code = Code {
     cure: Cure { one: "compare the acknowledge setting", all: "check the master" },
     say: |finding, record, out| {
         io_connection(record, out)?;
-        match (record.get(layer::SOURCE), record.station) {
+        match (record.named("devicenet.source"), record.station) {
             (Value::Int(source), Some(station)) if source != i64::from(station) => {
                 write!(out, ": {station} did not acknowledge its master")?;
             }
