@@ -1,9 +1,9 @@
 //! The sentence of a DeviceNet record.
 
+use super::cip::Refusal;
 use super::identifier::MacId;
 use super::layer::{Link, Message, kind};
 use super::message::{Fragment, Identity, Part, service};
-use super::names;
 use crate::can;
 use crate::field::{FieldId, Value};
 use crate::finding::Span;
@@ -105,10 +105,9 @@ impl Message<'_> {
         write!(out, "{} {verb} {}: ", Mac(self.facts.source), Mac(self.facts.destination))?;
         match (self.facts.error, self.value, self.facts.body_format) {
             (Some((general, additional)), ..) => {
-                write!(out, "error {general:02X}h, {}", names::status(general))?;
-                if additional != 0xFF {
-                    write!(out, " ({additional:02X}h)")?;
-                }
+                let is_of_allocation =
+                    self.facts.target.is(3, 1) || self.facts.link == Some(Link::Unconnected);
+                write!(out, "error {}", Refusal { general, additional, is_of_allocation })?;
             }
             (None, Some(value), _) => self.names.say_value(self.facts.target, value, out)?,
             (None, None, Some(format)) => {

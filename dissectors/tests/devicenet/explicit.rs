@@ -185,7 +185,38 @@ fn allocations_that_are_refused_or_invalid() {
             "5 unconnected-request allocation-invalid",
         ]
     );
-    assert_eq!(told[1].summary, "23 refuses 0: error 0Ch, object state conflict (01h) in 1.00 ms");
+    let words = "0Ch, object state conflict (01h, another master owns the slave)";
+    assert_eq!(told[1].summary, format!("23 refuses 0: error {words} in 1.00 ms"));
+    assert_eq!(told[1].says, [format!("slave 23 refuses its allocation: status {words}")]);
+}
+
+#[test]
+fn a_refusal_is_told_in_words() {
+    let told = read(
+        &[
+            (0.0, "4BC#000E2F010C"),
+            (1.0, "4BB#009408FF"),
+            // The status of a class is its own; 02/03 of the unconnected port is not.
+            (2.0, "4BC#00102F010C"),
+            (3.0, "4BB#00940903"),
+            (4.0, "4BE#000E010101"),
+            (5.0, "4BB#00940203"),
+            (6.0, "4BE#004C030102"),
+            (7.0, "4BB#00940B02"),
+        ],
+        10.0,
+    );
+    for (record, words) in [
+        (1, "08h, service not supported"),
+        (3, "09h, invalid attribute value (03h)"),
+        (5, "02h, resource unavailable (03h, service not allowed on the unconnected port)"),
+        (
+            7,
+            "0Bh, already in requested mode or state (02h, connection is allocated, or released, already)",
+        ),
+    ] {
+        assert_eq!(told[record].says, [format!("node 23 refuses: status {words}")]);
+    }
 }
 
 #[test]

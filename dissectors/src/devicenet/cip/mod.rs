@@ -24,7 +24,7 @@ pub use objects::{
 pub use path::{Path, Segment, Target};
 pub use position_sensor::POSITION_SENSOR;
 pub use services::{service_name, service_range, unconnected_service_name};
-pub use status::{allocation_error_name, status_name};
+pub use status::{Refusal, status_name};
 pub use value::{Allocation, List, Revision, Text, Value};
 
 /// Numbers of classes.

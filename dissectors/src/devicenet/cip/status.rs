@@ -1,4 +1,7 @@
-//! General status codes of error responses (CIP Vol. 1, appendix B).
+//! Status codes of error responses (CIP Vol. 1, appendix B), and the additional ones of Allocate
+//! and Release (CIP Vol. 3, chapter 5: DeviceNet object).
+
+use core::fmt;
 
 /// What a general status code says.
 #[must_use]
@@ -58,31 +61,85 @@ pub const fn status_name(general: u8) -> &'static str {
     }
 }
 
-/// What the additional code of a refused Allocate or Release says. A slave that passed the
-/// conformance test sends these.
-#[must_use]
-pub const fn allocation_error_name(additional: u8) -> Option<&'static str> {
-    Some(match additional {
-        0x01 => "another master owns the slave",
-        0x02 => "invalid choice of connections",
-        0x03 => "service not allowed on the unconnected port",
-        0x04 => "a resource that the choice needs is missing",
-        _ => return None,
-    })
+/// The status of an error response. In words it says what the codes mean, and the additional one
+/// where it is known: `0Ch, object state conflict (01h, another master owns the slave)`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Refusal {
+    /// General status.
+    pub general: u8,
+    /// Additional status; FFh is none.
+    pub additional: u8,
+    /// It answers what was asked of the DeviceNet object: Allocate, Release, or another service on
+    /// the unconnected port.
+    pub is_of_allocation: bool,
+}
+
+impl Refusal {
+    /// What the additional status says, where that is known: a slave that passed the conformance
+    /// test sends these.
+    #[must_use]
+    pub const fn detail(self) -> Option<&'static str> {
+        if !self.is_of_allocation {
+            return None;
+        }
+        Some(match (self.general, self.additional) {
+            (0x02, 0x02) => "connection type not supported",
+            (0x0B, 0x02) => "connection is allocated, or released, already",
+            (_, 0x01) => "another master owns the slave",
+            (_, 0x02) => "invalid choice of connections",
+            (_, 0x03) => "service not allowed on the unconnected port",
+            (_, 0x04) => "a resource that the choice needs is missing",
+            _ => return None,
+        })
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Refusal { general, additional, .. } = *self;
+        write!(out, "{general:02X}h, {}", status_name(general))?;
+        match (additional, self.detail()) {
+            (0xFF, _) => Ok(()),
+            (_, Some(detail)) => write!(out, " ({additional:02X}h, {detail})"),
+            (_, None) => write!(out, " ({additional:02X}h)"),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::string::ToString;
 
     #[test]
     fn codes_of_the_worked_examples() {
         // X02: 94 08 FF. X24: 94 02 03.
         assert_eq!(status_name(0x08), "service not supported");
         assert_eq!(status_name(0x02), "resource unavailable");
-        let refused = allocation_error_name(0x03);
-        assert_eq!(refused, Some("service not allowed on the unconnected port"));
-        assert_eq!(allocation_error_name(0xFF), None);
+        let refused = Refusal { general: 0x08, additional: 0xFF, is_of_allocation: false };
+        assert_eq!(refused.to_string(), "08h, service not supported");
+    }
+
+    #[test]
+    fn what_a_conformant_slave_answers_to_allocate_and_release() {
+        for (general, additional, detail) in [
+            (0x0C, 0x01, "another master owns the slave"),
+            (0x09, 0x02, "invalid choice of connections"),
+            (0x02, 0x02, "connection type not supported"),
+            (0x0B, 0x02, "connection is allocated, or released, already"),
+            (0x02, 0x03, "service not allowed on the unconnected port"),
+            (0x02, 0x04, "a resource that the choice needs is missing"),
+        ] {
+            let refused = Refusal { general, additional, is_of_allocation: true };
+            assert_eq!(refused.detail(), Some(detail));
+            assert_eq!(Refusal { is_of_allocation: false, ..refused }.detail(), None);
+        }
+        let refused = Refusal { general: 0x0C, additional: 0x01, is_of_allocation: true };
+        let words = "0Ch, object state conflict (01h, another master owns the slave)";
+        assert_eq!(refused.to_string(), words);
+        // Elsewhere the additional status is the object's own.
+        let other = Refusal { is_of_allocation: false, ..refused };
+        assert_eq!(other.to_string(), "0Ch, object state conflict (01h)");
     }
 
     #[test]

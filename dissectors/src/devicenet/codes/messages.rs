@@ -1,9 +1,28 @@
 //! Codes about explicit messages.
 
+use super::super::cip::Refusal;
 use super::super::layer;
 use super::{ERRORS, LENGTHS, PLUG, SUPPLY, SWITCHES, TERMINATION};
 use crate::field::Value;
 use crate::finding::{Code, Cure, Severity, Span};
+use crate::record::Record;
+use core::fmt;
+
+/// The status of the error response that a record is, in words.
+fn refusal(record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
+    let number = |name| match record.named(name) {
+        Value::Int(number) => u8::try_from(number).ok(),
+        _ => None,
+    };
+    let [general, additional] =
+        ["devicenet.error.general", "devicenet.error.additional"].map(number);
+    let (Some(general), Some(additional)) = (general, additional) else {
+        return write!(out, " without a status");
+    };
+    let is_of_allocation = record.kind == layer::kind::UNCONNECTED_RESPONSE
+        || [number("devicenet.class"), number("devicenet.instance")] == [Some(3), Some(1)];
+    write!(out, ": status {}", Refusal { general, additional, is_of_allocation })
+}
 
 /// A message is not built as it must be.
 pub static MALFORMED: Code = Code {
@@ -130,9 +149,9 @@ pub static ERROR_RESPONSE: Code = Code {
         "see what was asked: the record that `request` names",
     ],
     cure: Cure { one: "compare the request with the EDS", all: "compare requests with the EDS" },
-    say: |finding, record, out| {
-        let general = finding.actual.unwrap_or_default();
-        write!(out, "node {} refuses: status {general:02X}h", record.station.unwrap_or_default())
+    say: |_, record, out| {
+        write!(out, "node {} refuses", record.station.unwrap_or_default())?;
+        refusal(record, out)
     },
 };
 
@@ -201,7 +220,7 @@ pub static ALLOCATION_REFUSED: Code = Code {
     is_cause: true,
     meaning: "A slave refuses the connections that a master asks for.",
     rule: "Errors of Allocate: 0C/01 owned by another master, 09/02 invalid choice, 02/02 connection type not supported, 0B/02 allocated already, 02/04 resource missing (CIP Vol. 3, chapter 5: DeviceNet object).",
-    evidence: "The error answer to Allocate.",
+    evidence: "The error answer to Allocate, and its additional status.",
     causes: &[
         "another master owns the slave, or the same one before it restarted: wait for the time-out",
         "the scan list asks for a connection that the device has not, such as bit-strobe",
@@ -213,14 +232,9 @@ pub static ALLOCATION_REFUSED: Code = Code {
         "switch the slave off and on",
     ],
     cure: Cure { one: "compare owner and scan list entry", all: "compare the scan list" },
-    say: |finding, record, out| {
-        let general = finding.actual.unwrap_or_default();
-        let station = record.station.unwrap_or_default();
-        match general {
-            0x0C => write!(out, "slave {station} refuses: another master owns it"),
-            0x0B => write!(out, "slave {station} refuses: it is allocated already"),
-            _ => write!(out, "slave {station} refuses its allocation: status {general:02X}h"),
-        }
+    say: |_, record, out| {
+        write!(out, "slave {} refuses its allocation", record.station.unwrap_or_default())?;
+        refusal(record, out)
     },
 };
 
