@@ -265,9 +265,23 @@ fn unknown_parity(buses: &[Bus]) -> u64 {
     buses.iter().map(|bus| bus.counts().unknown_parity).sum()
 }
 
-/// Whether a CAN bus has no known rate, without which there is no load.
+/// Whether frames of a CAN bus came while its rate was not known: without it there is no load.
 fn is_load_open(buses: &[Bus]) -> bool {
-    buses.iter().any(|bus| is_can(bus) && bus.wire().baud().is_none())
+    buses.iter().any(|bus| bus.counts().frames_without_rate > 0)
+}
+
+/// What is not judged for want of a bit rate.
+fn without_rate(buses: &[Bus]) -> Option<String> {
+    let what = "load and time on the wire";
+    let is_unknown = |bus: &Bus| is_can(bus) && bus.wire().baud().is_none();
+    if buses.iter().any(is_unknown) {
+        return Some(format!("{what} not judged (bit rate not known: --bitrate)"));
+    }
+    let frames = buses.iter().map(|bus| bus.counts().frames_without_rate).sum();
+    (frames > 0).then(|| {
+        let frames = counted(frames, "frame");
+        format!("{what} of the first {frames} not judged (bit rate found later: --bitrate)")
+    })
 }
 
 fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
@@ -283,11 +297,7 @@ fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
     if unknown > 0 {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
-    if is_load_open(buses) {
-        open.push(
-            "load and time on the wire not judged (bit rate not known: --bitrate)".to_owned(),
-        );
-    }
+    open.extend(without_rate(buses));
     // The window follows bit 3: to say that one is open says it of the other.
     let is_told = ["window", "bitrate"];
     let undecided =

@@ -48,6 +48,8 @@ pub struct LineCounts {
     pub frames: u64,
     /// Error frames among them.
     pub error_frames: u64,
+    /// Frames that came while the bit rate was not known.
+    pub frames_without_rate: u64,
     /// Characters.
     pub characters: u64,
     /// Characters with a parity or framing error.

@@ -1,7 +1,7 @@
 //! Finds out which protocol is spoken, and lets it be dissected.
 
 use crate::bus::LineCounts;
-use crate::can::{self, Frame, FrameKind, Load};
+use crate::can::{self, Frame, FrameKind, Load, RateSearch};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::measure::Measurement;
@@ -9,14 +9,17 @@ use crate::protocol::{
     Beginning, Conclusion, Dissector, Medium, PROTOCOLS, Protocol, Settings, Speaks,
 };
 use crate::record::{BusInfo, Output};
-use crate::uart::{self, Character, Parity, Wire};
-use alloc::{boxed::Box, string::String, string::ToString, vec::Vec};
+use crate::uart::{self, Baud, Character, Parity, Wire};
+use alloc::{boxed::Box, format, string::String, string::ToString, vec::Vec};
 
 /// Characters or frames that are held back at most to find out what is spoken.
 const HELD: usize = 256;
 
 /// How long they are held back at most, in ns.
 const HELD_NS: i64 = 2_000_000_000;
+
+/// What a conclusion about the rate of frames is about.
+const BITRATE: &str = "bitrate";
 
 /// From characters or frames to records.
 pub(crate) struct Decoder {
@@ -29,6 +32,8 @@ pub(crate) struct Decoder {
     counts: LineCounts,
     stage: Stage,
     conclusions: Vec<Conclusion>,
+    /// Goes on looking for the bit rate, where the beginning did not tell it.
+    search: Option<RateSearch>,
     /// Findings about the bus, for a dissector that is not there yet.
     notes: Vec<Finding>,
 }
@@ -63,6 +68,7 @@ impl Decoder {
             counts: LineCounts::default(),
             stage: Stage::Finding { held: Vec::new(), since: Moment::UNKNOWN },
             conclusions: Vec::new(),
+            search: None,
             notes: Vec::new(),
         }
     }
@@ -131,10 +137,9 @@ impl Decoder {
     /// Takes the next event of a wire that is known so far.
     pub fn hear(&mut self, wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
         self.count(&event);
-        if let Stage::Decoding { dissector, .. } = &mut self.stage {
-            dissector.hear(&self.info, event, out);
-        } else {
-            self.hold(wire, event, out);
+        match self.stage {
+            Stage::Finding { .. } => self.hold(wire, event, out),
+            Stage::Decoding { .. } => self.go_on(event, out),
         }
     }
 
@@ -212,13 +217,55 @@ impl Decoder {
         if is_full || is_long || has_rest || (is_told && rest.is_some()) {
             self.find_out(wire, out);
             if let Some(rest) = rest {
-                self.pass_on(rest, out);
+                self.go_on(rest, out);
             }
         }
     }
 
+    /// Takes what comes after the beginning.
+    fn go_on(&mut self, event: Event<'_>, out: &mut Output<'_>) {
+        match event {
+            Event::Frames(frames) if self.search.is_some() => self.search_rate(frames, out),
+            event => self.pass_on(event, out),
+        }
+    }
+
+    /// Looks for the bit rate in every so many frames, however they come.
+    fn search_rate(&mut self, mut frames: &[Frame], out: &mut Output<'_>) {
+        while let Some(search) = self.search.as_mut().filter(|_| !frames.is_empty()) {
+            let (block, rest) = frames.split_at(search.take(frames));
+            let found = search.find();
+            self.search.take_if(|search| search.is_over());
+            self.pass_on(Event::Frames(block), out);
+            if let Some((baud, evidence)) = found {
+                self.learn_rate(baud, evidence);
+            }
+            frames = rest;
+        }
+        if !frames.is_empty() {
+            self.pass_on(Event::Frames(frames), out);
+        }
+    }
+
+    fn learn_rate(&mut self, baud: Baud, evidence: String) {
+        self.search = None;
+        let Stage::Decoding { wire, dissector, .. } = &mut self.stage else { return };
+        *wire = Wire::new(Some(baud), wire.format());
+        dissector.learn_rate(*wire);
+        self.conclusions.retain(|conclusion| conclusion.subject != BITRATE);
+        let before = self.counts.frames_without_rate;
+        let evidence = format!("{evidence}, among the {before} so far");
+        let value = Some(baud.to_string());
+        self.conclusions.push(Conclusion { subject: BITRATE, station: None, value, evidence });
+    }
+
     fn pass_on(&mut self, event: Event<'_>, out: &mut Output<'_>) {
-        if let Stage::Decoding { dissector, .. } = &mut self.stage {
+        if let Stage::Decoding { wire, dissector, .. } = &mut self.stage {
+            if let Event::Frames(frames) = event
+                && wire.baud().is_none()
+            {
+                self.counts.frames_without_rate += frames.len() as u64;
+            }
             dissector.hear(&self.info, event, out);
         }
     }
@@ -236,6 +283,8 @@ impl Decoder {
             dissector.note(finding);
         }
         self.stage = Stage::Decoding { wire, protocol, dissector };
+        let is_open = protocol.medium == Medium::Can && self.must_find_rate(wire);
+        self.search = is_open.then(RateSearch::default);
         for held in &held {
             self.pass_on(held.event(), out);
         }
@@ -261,7 +310,7 @@ impl Decoder {
                 None => String::from("nothing came without a pause"),
             };
             let value = wire.baud().map(|baud| baud.to_string());
-            let subject = if frames.is_empty() { "baud" } else { "bitrate" };
+            let subject = if frames.is_empty() { "baud" } else { BITRATE };
             self.conclusions.push(Conclusion { subject, station: None, value, evidence });
         }
         wire

@@ -167,6 +167,9 @@ pub trait Dissector {
         None
     }
 
+    /// The rate of the bus was found out: it holds from the next event on.
+    fn learn_rate(&mut self, _wire: Wire) {}
+
     /// What it measured of each station besides response times: for statistics.
     fn measurements(&self) -> Vec<Measurement> {
         Vec::new()

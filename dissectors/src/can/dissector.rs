@@ -219,6 +219,11 @@ impl Dissector for Can {
     fn load(&self) -> Option<Load> {
         Some(*self.watch.load())
     }
+
+    fn learn_rate(&mut self, wire: Wire) {
+        self.wire = wire;
+        self.watch.learn_rate(wire);
+    }
 }
 
 /// Tells a loss as a record of its own.

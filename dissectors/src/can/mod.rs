@@ -21,7 +21,7 @@ pub use frame::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLASSIC_DA
 pub use length::checksum;
 pub(crate) use line::Line;
 pub use load::Load;
-pub(crate) use rate::bitrate_from_spacing;
+pub(crate) use rate::{RateSearch, bitrate_from_spacing};
 pub use watch::Watch;
 
 use crate::uart::Baud;

@@ -51,6 +51,45 @@ pub(crate) fn bitrate_from_spacing(frames: &[Frame]) -> Option<(Baud, String)> {
     Some((baud, format!("{close} of {all} frames follow the one before without a pause")))
 }
 
+/// Frames that are looked at together.
+const BLOCK: usize = 256;
+
+/// Blocks after which a bus is believed to tell nothing: then its clock is too coarse.
+const BLOCKS: usize = 64;
+
+/// Goes on looking for the rate where the beginning did not tell it: nodes that are switched on
+/// one after the other send nothing without a pause.
+#[derive(Default)]
+pub(crate) struct RateSearch {
+    frames: Vec<Frame>,
+    blocks: usize,
+}
+
+impl RateSearch {
+    /// Takes the next frames, as many as a block still lacks. Returns how many these were.
+    pub fn take(&mut self, frames: &[Frame]) -> usize {
+        let lacking = (BLOCK - self.frames.len()).min(frames.len());
+        self.frames.extend_from_slice(&frames[..lacking]);
+        lacking
+    }
+
+    /// The rate that the frames of a full block tell, with the evidence.
+    pub fn find(&mut self) -> Option<(Baud, String)> {
+        if self.frames.len() < BLOCK {
+            return None;
+        }
+        let found = bitrate_from_spacing(&self.frames);
+        self.frames.clear();
+        self.blocks += 1;
+        found
+    }
+
+    /// Whether it is of no use to go on.
+    pub fn is_over(&self) -> bool {
+        self.blocks >= BLOCKS
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::Identifier;

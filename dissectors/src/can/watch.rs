@@ -48,6 +48,11 @@ impl Watch {
         }
     }
 
+    /// The rate is known from now on.
+    pub const fn learn_rate(&mut self, wire: Wire) {
+        self.wire = wire;
+    }
+
     /// How busy the bus was.
     #[must_use]
     pub const fn load(&self) -> &Load {

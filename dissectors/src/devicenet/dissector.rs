@@ -270,6 +270,12 @@ impl Dissector for DeviceNet {
         Some(*self.watch.load())
     }
 
+    fn learn_rate(&mut self, wire: Wire) {
+        self.wire = wire;
+        self.watch.learn_rate(wire);
+        self.ledger.learn_rate(wire);
+    }
+
     fn measurements(&self) -> Vec<Measurement> {
         self.ledger.measurements()
     }

@@ -26,13 +26,19 @@ impl Flood {
     /// Of a bus at that rate. Without one shares are at least what is told.
     pub fn new(rate: Option<Baud>) -> Self {
         Flood {
-            bit_ns: rate.map_or(SHORTEST_BIT_NS, |rate| rate.bits_ns(1)),
+            bit_ns: bit_ns(rate),
             window: Moment::UNKNOWN,
             bits: [0; MAC_IDS],
             total: 0,
             is_flooded: false,
             to_tell: None,
         }
+    }
+
+    /// The rate is known from now on: what was added before counts no more.
+    pub fn learn_rate(&mut self, rate: Option<Baud>) {
+        self.bit_ns = bit_ns(rate);
+        self.lose();
     }
 
     /// Adds a production. Returns the share of all productions, in permille, if it is above the
@@ -62,6 +68,10 @@ impl Flood {
     pub const fn lose(&mut self) {
         (self.window, self.bits, self.total) = (Moment::UNKNOWN, [0; MAC_IDS], 0);
     }
+}
+
+fn bit_ns(rate: Option<Baud>) -> u64 {
+    rate.map_or(SHORTEST_BIT_NS, |rate| rate.bits_ns(1))
 }
 
 #[cfg(test)]

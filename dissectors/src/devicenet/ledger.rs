@@ -118,6 +118,12 @@ impl Ledger {
         }
     }
 
+    /// The rate of the bus is known from now on.
+    pub fn learn_rate(&mut self, wire: Wire) {
+        self.timing = Timing::new(wire);
+        self.flood.learn_rate(wire.baud());
+    }
+
     pub fn node(&mut self, mac: MacId) -> &mut Node {
         &mut self.nodes[mac.index()]
     }

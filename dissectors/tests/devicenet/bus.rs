@@ -150,6 +150,21 @@ pub fn decode_at(rate: Option<Baud>, heard: &[Heard], end: Option<i64>) -> Vec<T
     recorder.0
 }
 
+/// What was found out, and the first record that has a time on the wire, where the rate is not
+/// known at first. Two seconds are the beginning, in which it may be found before anything is told.
+pub fn learned(heard: &[Heard]) -> (Vec<String>, Option<u64>) {
+    #[derive(Default)]
+    struct First(Option<u64>);
+    impl Sink for First {
+        fn record(&mut self, record: &Record<'_>) {
+            self.0 = self.0.or(record.duration.map(|_| record.n));
+        }
+    }
+    let mut first = First::default();
+    let bus = hear(None, heard, None, Settings::default(), &mut first);
+    (bus.conclusions().into_iter().map(text_of).collect(), first.0)
+}
+
 /// What was measured of the stations.
 pub fn measured(heard: &[Heard]) -> Vec<Measurement> {
     after(heard).measurements()
@@ -157,11 +172,12 @@ pub fn measured(heard: &[Heard]) -> Vec<Measurement> {
 
 /// What was found out: `subject value station (evidence)`.
 pub fn concluded(heard: &[Heard]) -> Vec<String> {
-    let text = |it: Conclusion| {
-        let station = it.station.map_or(String::new(), |station| format!(" {station}"));
-        format!("{} {}{station} ({})", it.subject, it.value.unwrap_or_default(), it.evidence)
-    };
-    after(heard).conclusions().into_iter().map(text).collect()
+    after(heard).conclusions().into_iter().map(text_of).collect()
+}
+
+fn text_of(it: Conclusion) -> String {
+    let station = it.station.map_or(String::new(), |station| format!(" {station}"));
+    format!("{} {}{station} ({})", it.subject, it.value.unwrap_or_default(), it.evidence)
 }
 
 fn after(heard: &[Heard]) -> Bus {

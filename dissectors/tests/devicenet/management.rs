@@ -1,6 +1,8 @@
 //! Who is there: checks, restarts, heartbeats, and what does not belong on the bus.
 
-use crate::bus::{Heard, concluded, decode, findings, frame_ns, protocol_of, read, script};
+use crate::bus::{
+    Heard, concluded, decode, findings, frame_ns, learned, protocol_of, read, script,
+};
 use fieldtap_dissectors::can::{Frame, FrameKind, Identifier};
 use fieldtap_dissectors::event::Moment;
 
@@ -157,6 +159,35 @@ fn the_protocol_is_found_from_the_frames() {
     };
     assert_eq!(found(&["407#00010092396060", "416#004B03010100", "415#04", "0C5#01"]), "devicenet");
     assert_eq!(found(&["7DF#02010C", "7E8#04410C1AF8", "0F1#1C050240", "415#04"]), "can");
+}
+
+/// A slave is switched on, and polled from 3 s on: each answer follows its poll, 48 bits of 8 µs,
+/// without a pause.
+#[test]
+fn the_bit_rate_may_show_itself_late() {
+    let mut heard = script(&[(0.0, CHECK), (1_000.0, CHECK)]);
+    for cycle in 0..300_i64 {
+        let start = 3_000_000_000 + cycle * 50_000_000;
+        heard.push(Heard::Frame(frame_ns(start, "4BD#")));
+        heard.push(Heard::Frame(frame_ns(start + 384_000, "3D7#45230100")));
+    }
+    let (told, first) = learned(&heard);
+    // Two frames are the beginning, and then 256 tell it: the next one is number 259.
+    assert!(told[1].starts_with("bitrate 125000 (128 of 255 frames"), "{told:?}");
+    assert!(told[1].ends_with(", among the 258 so far)"), "{told:?}");
+    assert_eq!(first, Some(259));
+    // However they come.
+    let frames =
+        heard.iter().filter_map(|it| if let Heard::Frame(it) = it { Some(*it) } else { None });
+    assert_eq!(learned(&[Heard::Batch(frames.collect())]), (told, first));
+    // A clock that tells nothing, never.
+    heard.truncate(2);
+    for cycle in 0..20_000_i64 {
+        let start = 3_000_000_000 + cycle * 7_000_000 + cycle * cycle % 991 * 1_000;
+        heard.push(Heard::Frame(frame_ns(start, "4BD#")));
+    }
+    let (told, first) = learned(&heard);
+    assert_eq!((told[0].as_str(), first), ("bitrate  (nothing came without a pause)", None));
 }
 
 #[test]
