@@ -9,4 +9,5 @@ mod explicit;
 mod healthy;
 mod io;
 mod management;
+mod productions;
 mod properties;
