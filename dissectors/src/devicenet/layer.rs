@@ -6,7 +6,7 @@ use super::defect::Defect;
 use super::encoder::{Assembly, Flags, Reading};
 use super::identifier::{MacId, Place};
 use super::message::{Fragment, Identity, Service, Target, service};
-use super::names::{self, Names};
+use super::names::Names;
 use crate::can::{self, FrameFields};
 use crate::field::{Field, FieldId, Kind, List, Value, fields, joined};
 use crate::record::Turn;
@@ -298,7 +298,7 @@ fields! {
             "additional status of an error response; 255: none"
             => |t| t.facts.error.map(|(_, additional)| i64::from(additional)).into();
         "devicenet.error.name" (Kind::Text, "", Plain) "what the general status means"
-            => |t| t.facts.error.map(|(general, _)| names::status(general)).into();
+            => |t| t.facts.error.map(|(general, _)| cip::status_name(general)).into();
         "devicenet.allocation.choice" (BYTE, "", Plain) "allocation or release choice"
             => |t| t.facts.allocation.map(|it| i64::from(it.choice.byte())).into();
         "devicenet.allocation.connections" (Kind::List(&Kind::OneOf(&LINKS)), "", Plain)
@@ -373,9 +373,9 @@ impl Message<'_> {
         let code = self.facts.service?.code;
         match self.facts.kind {
             kind::UCMM_REQUEST | kind::UCMM_RESPONSE | kind::HEARTBEAT | kind::SHUTDOWN => {
-                names::unconnected_service(code)
+                cip::unconnected_service_name(code)
             }
-            _ => names::service(code, self.facts.target.class),
+            _ => cip::service_name(code, self.facts.target.class),
         }
     }
 

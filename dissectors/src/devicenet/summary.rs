@@ -1,9 +1,9 @@
 //! The sentence of a DeviceNet record.
 
+use super::cip;
 use super::identifier::MacId;
 use super::layer::{Link, Message, kind};
 use super::message::{Fragment, Identity, Part, service};
-use super::names;
 use crate::can;
 use crate::field::{FieldId, Value};
 use crate::finding::Span;
@@ -105,7 +105,7 @@ impl Message<'_> {
         write!(out, "{} {verb} {}: ", Mac(self.facts.source), Mac(self.facts.destination))?;
         match (self.facts.error, self.value, self.facts.body_format) {
             (Some((general, additional)), ..) => {
-                write!(out, "error {general:02X}h, {}", names::status(general))?;
+                write!(out, "error {general:02X}h, {}", cip::status_name(general))?;
                 if additional != 0xFF {
                     write!(out, " ({additional:02X}h)")?;
                 }
