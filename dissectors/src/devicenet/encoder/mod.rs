@@ -6,16 +6,13 @@
 mod assembly;
 pub mod baumer;
 pub mod codes;
-mod installation;
+mod led;
 mod rules;
 mod watch;
 
 pub use assembly::{Assembly, Flags, Reading};
-pub use installation::{BIT_RATE_SWITCHES, BitRateSwitches, Led, NodeState, mac_id_of_switches};
-pub use rules::{
-    ALARM_RESETS_AFTER, AT_REST, Known, Turns, Violation, check_position, check_set, distance,
-    range,
-};
+pub use led::{Led, NodeState};
+pub use rules::{AT_REST, Known, Turns, Violation, check_position, check_set, distance, range};
 
 pub use watch::Watch;
 
