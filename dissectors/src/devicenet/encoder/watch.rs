@@ -157,10 +157,18 @@ impl Watch {
         match command {
             Command::Save => self.unsaved = 0,
             Command::Restore => self.forget_parameters(),
-            Command::Reset => {
-                self.forget_parameters();
-                // The defaults are in effect, and not saved.
-                self.unsaved = 1 << id::SENSE_OF_ROTATION;
+            Command::Reset => self.reset(),
+        }
+    }
+
+    /// The defaults are in effect, and not saved.
+    fn reset(&mut self) {
+        self.forget_parameters();
+        let settable = baumer::ATTRIBUTES.iter().filter(|attribute| attribute.is_settable());
+        for attribute in settable.map(|attribute| attribute.id) {
+            self.unsaved |= 1 << attribute;
+            if let Some(value) = baumer::default_value(attribute, self.kind) {
+                self.learn(attribute, value);
             }
         }
     }
@@ -303,6 +311,19 @@ mod tests {
         raised(|told| encoder.write(10, &preset, told));
         raised(|told| encoder.command(Command::Save, told));
         assert_eq!(encoder.restart(), None);
+    }
+
+    #[test]
+    fn a_reset_brings_the_manuals_defaults_back_until_the_next_restart() {
+        let mut encoder = baumer();
+        raised(|told| encoder.write(7, &3600_u32.to_le_bytes(), told));
+        raised(|told| encoder.command(Command::Reset, told));
+        // Manual §4: 8192 steps per turn. What was written before is told as the old value.
+        let mut findings = Vec::new();
+        encoder.write(7, &4096_u32.to_le_bytes(), &mut findings);
+        assert_eq!((findings[0].expected, findings[0].actual), (Some(8192), Some(4096)));
+        // Attributes 3, 7, 8, 10 and 11 have their defaults, which nobody saved.
+        assert_eq!(encoder.restart().map(|finding| finding.actual), Some(Some(5)));
     }
 
     #[test]
