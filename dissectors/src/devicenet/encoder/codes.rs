@@ -1,6 +1,7 @@
 //! Finding codes of encoders on DeviceNet.
 
 use super::baumer::{self, Command};
+use crate::devicenet::cip::class;
 use crate::field::Value;
 use crate::finding::{Code, Cure, Finding, Severity};
 use crate::record::Record;
@@ -231,6 +232,12 @@ fn say_written(finding: &Finding, record: &Record<'_>, out: &mut dyn fmt::Write)
         write!(out, " to {new}")?;
     }
     let attribute = number("devicenet.attribute").and_then(|id| u8::try_from(id).ok());
-    let is_saved = class.zip(attribute).is_some_and(|(c, a)| baumer::is_saved_at_once(c, a));
-    write!(out, "{}", if is_saved { ", saved at once" } else { ", not saved yet" })
+    match class.zip(attribute) {
+        Some((class, attribute)) if baumer::is_saved_at_once(class, attribute) => {
+            write!(out, ", saved at once")
+        }
+        // Whether other profiles save at once, no source tells.
+        Some((class::PARAMETER | baumer::ENCODER_POSITION, _)) => write!(out, ", not saved yet"),
+        _ => Ok(()),
+    }
 }

@@ -98,6 +98,21 @@ impl Profile {
         }
     }
 
+    /// The attribute of Baumer's encoder position object that means the same as this one of the
+    /// profile's position class. `None` where none does: the same number is something else there.
+    #[must_use]
+    pub const fn as_baumer(self, attribute: u8) -> Option<u8> {
+        use baumer::attribute as id;
+        match (self, attribute) {
+            (Profile::BaumerEncoder, _) => Some(attribute),
+            (Profile::PositionSensor, 0x03 | 0x0A) => Some(id::POSITION),
+            (Profile::PositionSensor, 0x13) => Some(id::PRESET),
+            (Profile::PositionSensor, 0x2E) => Some(id::ALARM_FLAG),
+            (Profile::PositionSensor, 0x31) => Some(id::WARNING_FLAG),
+            (Profile::PositionSensor, _) => None,
+        }
+    }
+
     /// An attribute, as the profile or else as CIP defines it. An instance of the class Parameter is
     /// the attribute that it points to.
     #[must_use]

@@ -84,13 +84,15 @@ impl Watch {
     /// The COS delta in steps, if it was seen.
     #[must_use]
     pub fn delta(&self) -> Option<u32> {
-        u32::try_from(self.value(id::COS_DELTA)?).ok()
+        let delta = self.value(id::COS_DELTA).filter(|_| self.is_baumer())?;
+        u32::try_from(delta).ok()
     }
 
     /// An attribute of the position class was read: the response's data.
     pub fn read(&mut self, attribute: u8, data: &[u8], now: Moment, findings: &mut Vec<Finding>) {
         let Some(value) = self.decode(attribute, data) else { return };
         self.learn(attribute, value);
+        let Some(attribute) = self.profile.as_baumer(attribute) else { return };
         match attribute {
             id::POSITION => self.see_position(value as u32, now, findings),
             id::ALARMS | id::ALARM_FLAG => {
@@ -116,12 +118,13 @@ impl Watch {
         findings: &mut Vec<Finding>,
     ) {
         // What other profiles allow to be written, no source tells.
-        if self.profile == Profile::BaumerEncoder {
+        if self.is_baumer() {
             findings.extend(check_set(attribute, data, self.known()).err().map(finding));
         }
         let is_recent =
             self.last.and_then(|(_, at)| now.since(at)).is_some_and(|ns| ns <= MOTION_NS);
-        if let (id::PRESET, Some(steps), true) = (attribute, self.motion, is_recent) {
+        let is_preset = self.profile.as_baumer(attribute) == Some(id::PRESET);
+        if let (true, Some(steps), true) = (is_preset, self.motion, is_recent) {
             let finding = Finding::new(&codes::PRESET_WHILE_MOVING).actual(i64::from(steps));
             findings.push(finding.limit(i64::from(AT_REST)));
         }
@@ -133,7 +136,8 @@ impl Watch {
         written.expected = self.value(attribute);
         written.actual = self.decode(attribute, data);
         findings.push(written);
-        for stale in baumer::changed_by(attribute) {
+        let changed = if self.is_baumer() { baumer::changed_by(attribute) } else { &[] };
+        for stale in changed {
             if let Some(value) = self.values.get_mut(usize::from(*stale)) {
                 *value = None;
             }
@@ -143,10 +147,11 @@ impl Watch {
         if let Some(value) = written.actual {
             self.learn(attribute, value);
         }
-        if usize::from(attribute) < ATTRIBUTES {
+        // Others may save at once.
+        if usize::from(attribute) < ATTRIBUTES && self.is_baumer() {
             self.unsaved |= 1 << attribute;
         }
-        if let id::STEPS_PER_TURN | id::TOTAL_RESOLUTION = attribute {
+        if let Some(id::STEPS_PER_TURN | id::TOTAL_RESOLUTION) = self.profile.as_baumer(attribute) {
             self.judge_turns(findings);
         }
     }
@@ -164,6 +169,9 @@ impl Watch {
     /// The defaults are in effect, and not saved.
     fn reset(&mut self) {
         self.forget_parameters();
+        if !self.is_baumer() {
+            return;
+        }
         let settable = baumer::ATTRIBUTES.iter().filter(|attribute| attribute.is_settable());
         for attribute in settable.map(|attribute| attribute.id) {
             self.unsaved |= 1 << attribute;
@@ -234,8 +242,13 @@ impl Watch {
         findings.push(finding);
     }
 
+    fn is_baumer(&self) -> bool {
+        self.profile == Profile::BaumerEncoder
+    }
+
     fn known(&self) -> Known {
-        let total = self.value(id::TOTAL_RESOLUTION).and_then(|total| u32::try_from(total).ok());
+        let total = self.value(id::TOTAL_RESOLUTION).filter(|_| self.is_baumer());
+        let total = total.and_then(|total| u32::try_from(total).ok());
         Known { total_resolution: total.filter(|total| *total > 0), kind: self.kind }
     }
 
@@ -252,7 +265,7 @@ impl Watch {
         if let Some(known) = self.values.get_mut(usize::from(attribute)) {
             *known = Some(value);
         }
-        if attribute == id::ENCODER_TYPE {
+        if attribute == id::ENCODER_TYPE && self.is_baumer() {
             self.kind = u16::try_from(value).ok().and_then(Kind::of_encoder_type).or(self.kind);
         }
     }
@@ -324,6 +337,27 @@ mod tests {
         assert_eq!((findings[0].expected, findings[0].actual), (Some(8192), Some(4096)));
         // Attributes 3, 7, 8, 10 and 11 have their defaults, which nobody saved.
         assert_eq!(encoder.restart().map(|finding| finding.actual), Some(Some(5)));
+    }
+
+    #[test]
+    fn what_has_another_number_in_another_profile_is_not_mistaken() {
+        let mut sensor = Watch::new(Profile::PositionSensor, None);
+        // Class 23h: 0Bh is the sensor type, 0Ch the sense of rotation, 0Ah the position. In class
+        // 2Fh these are the COS delta, the position and the preset.
+        raised(|told| sensor.read(0x0B, &[2, 0], at(0), told));
+        assert_eq!(sensor.delta(), None);
+        raised(|told| sensor.read(0x0A, &1000_u32.to_le_bytes(), at(0), told));
+        raised(|told| sensor.read(0x0C, &[1], at(5), told));
+        raised(|told| sensor.read(0x0A, &1000_u32.to_le_bytes(), at(10), told));
+        let preset = 0_u32.to_le_bytes();
+        assert_eq!(raised(|told| sensor.ask_to_write(0x13, &preset, at(20), told)), []);
+        raised(|told| sensor.read(0x03, &1100_u32.to_le_bytes(), at(30), told));
+        let moving = [("encoder.preset-while-moving", Some(100))];
+        assert_eq!(raised(|told| sensor.ask_to_write(0x13, &preset, at(40), told)), moving);
+        assert_eq!(raised(|told| sensor.read(0x2E, &[1], at(0), told)), [("encoder.alarm", None)]);
+        // That a Set wants a Save is said by Baumer's manual only.
+        raised(|told| sensor.write(0x10, &4096_u32.to_le_bytes(), told));
+        assert_eq!(sensor.restart(), None);
     }
 
     #[test]
