@@ -3,7 +3,7 @@
 //! A profile is bound by the user, by the product code together with a successful access to the
 //! profile's class, or by an EDS. Nothing is read as an encoder's that is not bound.
 
-use super::cip::class as object;
+use super::cip::{Path, class as object};
 use super::codes;
 use super::eds::{self, Eds};
 use super::encoder::codes as encoder_codes;
@@ -23,9 +23,6 @@ const ASSEMBLY_DATA: u16 = 3;
 /// The attribute of a connection that says what it produces.
 const PRODUCED_PATH: u16 = 14;
 
-/// Bytes of a Set request that are kept until its answer comes.
-const KEPT: usize = 8;
-
 /// What is known of each station as a device.
 pub(super) struct Encoders {
     stations: Vec<Station>,
@@ -40,8 +37,6 @@ struct Station {
     bound: Option<Box<Bound>>,
     /// Where its description is in the list of files.
     eds: Option<usize>,
-    /// The Set request that waits for its answer.
-    set: Option<(Target, [u8; KEPT], usize)>,
     /// When it last produced by change of state.
     produced: Moment,
     /// Another node has its MAC ID.
@@ -118,15 +113,11 @@ impl Encoders {
         }
         let is_whole = facts.fragment.is_none_or(|_| facts.completes.is_some());
         if let (Some(asked), true) = (facts.service, is_whole) {
-            match asked.is_response {
-                false => {
-                    station.asked(asked, facts.target, data.unwrap_or_default(), now, findings)
-                }
-                true if facts.error.is_some() => station.set = None,
-                true => {
-                    station.answered(asked, facts.target, data.unwrap_or_default(), now, findings);
-                    station.describe(&self.files);
-                }
+            if !asked.is_response {
+                station.asked(asked, facts.target, data.unwrap_or_default(), now, findings);
+            } else if facts.error.is_none() {
+                station.answered(asked, facts, data.unwrap_or_default(), now, findings);
+                station.describe(&self.files);
             }
         }
     }
@@ -139,7 +130,7 @@ impl Encoders {
     /// What was lost may have been anything.
     pub fn lose(&mut self) {
         for station in &mut self.stations {
-            (station.set, station.produced) = (None, Moment::UNKNOWN);
+            station.produced = Moment::UNKNOWN;
             if let Some(bound) = &mut station.bound {
                 bound.watch.interrupt();
             }
@@ -173,7 +164,7 @@ impl Station {
     }
 
     fn restart(&mut self) -> Option<Finding> {
-        (self.set, self.produced, self.is_doubled) = (None, Moment::UNKNOWN, false);
+        (self.produced, self.is_doubled) = (Moment::UNKNOWN, false);
         self.bound.as_mut()?.watch.restart()
     }
 
@@ -185,14 +176,8 @@ impl Station {
         now: Moment,
         findings: &mut Vec<Finding>,
     ) {
-        self.set = None;
         if asked.code != service::SET {
             return;
-        }
-        if let Some(kept) = data.get(..data.len().min(KEPT)) {
-            let mut bytes = [0; KEPT];
-            bytes[..kept.len()].copy_from_slice(kept);
-            self.set = Some((target, bytes, kept.len()));
         }
         if let (Some(attribute), Some(bound)) = (self.position_attribute(target), &mut self.bound) {
             bound.watch.ask_to_write(attribute, data, now, findings);
@@ -202,18 +187,18 @@ impl Station {
     fn answered(
         &mut self,
         answered: Service,
-        target: Target,
+        facts: &Facts,
         data: &[u8],
         now: Moment,
         findings: &mut Vec<Finding>,
     ) {
+        let target = facts.target;
         self.learn(answered, target, data);
-        let set = self.set.take().filter(|(asked, ..)| *asked == target);
         let attribute = self.position_attribute(target);
         let Some(bound) = &mut self.bound else { return };
         let is_object =
             |class, attribute| target.class == Some(class) && target.attribute == Some(attribute);
-        match (answered.code, attribute, set) {
+        match (answered.code, attribute, facts.written) {
             (service::GET, Some(attribute), _) => bound.watch.read(attribute, data, now, findings),
             (service::GET, None, _) if is_object(object::ASSEMBLY, ASSEMBLY_DATA) => {
                 let assembly = target.instance.and_then(|it| bound.watch.profile().assembly(it));
@@ -223,11 +208,14 @@ impl Station {
                 }
             }
             // It selects the assembly, and is saved at once.
-            (service::SET, None, Some(_)) if is_object(object::CONNECTION, PRODUCED_PATH) => {
-                findings.push(Finding::new(&encoder_codes::WRITTEN));
+            (service::SET, None, Some(path)) if is_object(object::CONNECTION, PRODUCED_PATH) => {
+                let mut written = Finding::new(&encoder_codes::WRITTEN);
+                let assembly = Path::parse(path.bytes()).and_then(Path::assembly);
+                written.actual = assembly.map(i64::from);
+                findings.push(written);
             }
-            (service::SET, Some(attribute), Some((_, bytes, length))) => {
-                bound.watch.write(attribute, &bytes[..length], findings);
+            (service::SET, Some(attribute), Some(written)) => {
+                bound.watch.write(attribute, written.bytes(), findings);
             }
             (code, ..) => {
                 let command = target.class.and_then(|class| baumer::Command::of(class, code));

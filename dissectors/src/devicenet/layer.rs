@@ -7,6 +7,7 @@ use super::encoder::{Assembly, Flags, Reading};
 use super::identifier::{MacId, Place};
 use super::message::{Fragment, Identity, Service, Target, service};
 use super::names::Names;
+use super::transactions::Kept;
 use crate::can::{self, FrameFields};
 use crate::field::{Field, FieldId, Kind, List, Value, fields, joined};
 use crate::record::Turn;
@@ -156,6 +157,8 @@ pub(super) struct Facts {
     pub service: Option<Service>,
     pub target: Target,
     pub data: Option<Bytes>,
+    /// On the answer to a Set that was done: what was written.
+    pub written: Option<Kept>,
     pub error: Option<(u8, u8)>,
     pub allocation: Option<Allocation>,
     pub body_format: Option<u8>,
@@ -186,6 +189,7 @@ impl Facts {
             service: None,
             target: Target { class: None, instance: None, attribute: None },
             data: None,
+            written: None,
             error: None,
             allocation: None,
             body_format: None,

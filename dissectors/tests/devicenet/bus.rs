@@ -5,7 +5,7 @@ use fieldtap_dissectors::can::{Frame, Identifier};
 use fieldtap_dissectors::devicenet::PROTOCOL;
 use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
 use fieldtap_dissectors::field::Value;
-use fieldtap_dissectors::finding::State;
+use fieldtap_dissectors::finding::{Finding, State};
 use fieldtap_dissectors::protocol::Settings;
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
 use fieldtap_dissectors::uart::Baud;
@@ -22,6 +22,8 @@ pub struct Told {
     pub summary: String,
     /// Codes, with `+` where a state begins and `-` where it ends.
     pub codes: Vec<String>,
+    /// What is said about each.
+    pub messages: Vec<String>,
     pub withheld: Vec<&'static str>,
     /// The protocol's fields that apply, without `devicenet.`.
     pub fields: BTreeMap<&'static str, String>,
@@ -50,10 +52,8 @@ impl Sink for Recorder {
             let name = field.name.strip_prefix("devicenet.").unwrap_or(field.name);
             Some((name, shown(record.get(id))?))
         });
+        let messages: Vec<String> = record.findings.iter().map(|it| said(it, record)).collect();
         let codes = record.findings.iter().map(|finding| {
-            let mut message = String::new();
-            finding.say(record, &mut message).unwrap();
-            assert!(message.len() >= 8, "{message}");
             let state = match finding.state {
                 Some(State::Begin) => "+",
                 Some(State::End(_)) => "-",
@@ -70,10 +70,18 @@ impl Sink for Recorder {
             about: record.about,
             summary,
             codes: codes.collect(),
+            messages,
             withheld: record.withheld.iter().map(|code| code.name).collect(),
             fields: fields.collect(),
         });
     }
+}
+
+fn said(finding: &Finding, record: &Record<'_>) -> String {
+    let mut message = String::new();
+    finding.say(record, &mut message).unwrap();
+    assert!(message.len() >= 8, "{message}");
+    message
 }
 
 fn shown(value: Value<'_>) -> Option<String> {
@@ -123,7 +131,12 @@ pub fn script(lines: &[(f64, &str)]) -> Vec<Heard> {
 
 /// Decodes what is heard, at 125 kbit/s, with the capture's end.
 pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
-    let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
+    decode_with(Settings::default(), heard, end)
+}
+
+/// The same with what the user decided.
+pub fn decode_with(settings: Settings, heard: &[Heard], end: Option<i64>) -> Vec<Told> {
+    let settings = Settings { protocol: Some(&PROTOCOL), ..settings };
     let mut recorder = Recorder::default();
     hear(heard, end, settings, &mut recorder);
     recorder.0

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod bus;
+mod encoders;
 mod examples;
 mod explicit;
 mod healthy;

@@ -228,16 +228,15 @@ fn say_written(finding: &Finding, record: &Record<'_>, out: &mut dyn fmt::Write)
     if let Some(old) = finding.expected {
         write!(out, " from {old}")?;
     }
-    if let Some(new) = finding.actual {
-        write!(out, " to {new}")?;
-    }
     let attribute = number("devicenet.attribute").and_then(|id| u8::try_from(id).ok());
-    match class.zip(attribute) {
-        Some((class, attribute)) if baumer::is_saved_at_once(class, attribute) => {
-            write!(out, ", saved at once")
-        }
+    let is_path = class.zip(attribute).is_some_and(|(c, a)| baumer::is_saved_at_once(c, a));
+    if let Some(new) = finding.actual {
+        write!(out, " to {}{new}", if is_path { "assembly " } else { "" })?;
+    }
+    match class {
+        Some(class::CONNECTION) if is_path => write!(out, ", saved at once"),
         // Whether other profiles save at once, no source tells.
-        Some((class::PARAMETER | baumer::ENCODER_POSITION, _)) => write!(out, ", not saved yet"),
+        Some(class::PARAMETER | baumer::ENCODER_POSITION) => write!(out, ", not saved yet"),
         _ => Ok(()),
     }
 }
