@@ -23,6 +23,10 @@ const ASSEMBLY_DATA: u16 = 3;
 /// The attribute of a connection that says what it produces.
 const PRODUCED_PATH: u16 = 14;
 
+/// Why a station has two LEDs: the one that is on line stays there (manual §9.2; CIP Vol. 3,
+/// chapter 6).
+const DOUBLED: &str = "its MAC ID is assigned twice: the node that came second stays off line";
+
 /// What is known of each station as a device.
 pub(super) struct Encoders {
     stations: Vec<Station>,
@@ -149,9 +153,16 @@ impl Encoders {
             };
             conclude("device", bound.watch.profile().name(), &bound.evidence);
             let mac = MacId::new(number as u8);
-            let state = mac.map_or(NodeState::Absent, &state);
-            let led = Led::of(if station.is_doubled { NodeState::Faulted } else { state });
-            conclude("DUO LED", &led.to_string(), led.meaning());
+            let led = Led::of(mac.map_or(NodeState::Absent, &state));
+            match station.is_doubled {
+                true => conclude("DUO LED", &format!("{led}, red at the second node"), DOUBLED),
+                false => conclude("DUO LED", &led.to_string(), led.meaning()),
+            }
+            let mut unsaved = bound.watch.unsaved().peekable();
+            if unsaved.peek().is_some() {
+                let names: Vec<&str> = unsaved.collect();
+                conclude("not saved", &names.join(", "), "written or reset, and no Save since");
+            }
         }
         all
     }

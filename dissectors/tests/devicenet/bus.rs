@@ -6,7 +6,7 @@ use fieldtap_dissectors::devicenet::PROTOCOL;
 use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
 use fieldtap_dissectors::field::Value;
 use fieldtap_dissectors::finding::{Finding, State};
-use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::protocol::{Conclusion, Settings};
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
 use fieldtap_dissectors::uart::Baud;
 use std::collections::BTreeMap;
@@ -140,6 +140,12 @@ pub fn decode_with(settings: Settings, heard: &[Heard], end: Option<i64>) -> Vec
     let mut recorder = Recorder::default();
     hear(heard, end, settings, &mut recorder);
     recorder.0
+}
+
+/// What was found out by the end.
+pub fn conclusions(settings: Settings, heard: &[Heard]) -> Vec<Conclusion> {
+    let settings = Settings { protocol: Some(&PROTOCOL), ..settings };
+    hear(heard, None, settings, &mut Recorder::default()).conclusions()
 }
 
 /// The protocol that is found, where none is given.

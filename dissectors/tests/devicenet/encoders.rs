@@ -1,7 +1,7 @@
 //! Encoders as a technician meets them: station 23, bound to Baumer's profile. 4BCh asks it, 4BBh
 //! answers; the first byte says which master it is.
 
-use crate::bus::{Told, decode_with, script};
+use crate::bus::{Told, conclusions, decode_with, script};
 use fieldtap_dissectors::devicenet::encoder::Profile;
 use fieldtap_dissectors::protocol::Settings;
 
@@ -42,4 +42,35 @@ fn the_assembly_that_is_selected_is_saved_at_once() {
         ],
     );
     assert_eq!(told[4].messages, ["0 set Produced connection path to assembly 2, saved at once"]);
+}
+
+/// What was concluded of station 23 about a subject, with the evidence.
+fn concluded(subject: &str, lines: &[(f64, &str)]) -> Vec<(String, String)> {
+    let of_station = conclusions(encoder(), &script(lines)).into_iter();
+    let of_station = of_station.filter(|it| it.station == Some(23) && it.subject == subject);
+    of_station.map(|it| (it.value.unwrap_or_default(), it.evidence)).collect()
+}
+
+#[test]
+fn what_was_written_and_never_saved_is_told_at_the_end() {
+    let set = [(0.0, "4BC#00102F010301"), (1.0, "4BB#0090")];
+    let save = [(2.0, "4BC#00162F01"), (3.0, "4BB#0096")];
+    let unsaved = concluded("not saved", &set);
+    assert_eq!(unsaved[0].0, "Sense of rotation");
+    assert_eq!(concluded("not saved", &[set, save].concat()), []);
+}
+
+#[test]
+fn the_duo_led_follows_the_traffic() {
+    let led = |lines: &[(f64, &str)]| concluded("DUO LED", lines).remove(0).0;
+    // Manual §9.2.
+    let check = [(0.0, "4BF#00D40115E37F01"), (1_000.0, "4BF#00D40115E37F01")];
+    let allocate = [(2_100.0, "4BE#004B03010100"), (2_101.0, "4BB#00CB00")];
+    assert_eq!(led(&[]), "off");
+    assert_eq!(led(&check[..1]), "off");
+    assert_eq!(led(&check), "green flashing");
+    assert_eq!(led(&[check, allocate].concat()), "green");
+    // Another one with its MAC ID comes: it answers, and that one stays off line.
+    let second = [(3_000.0, "4BF#00D40116E37F01"), (3_001.0, "4BF#80D40115E37F01")];
+    assert_eq!(led(&[check, allocate, second].concat()), "green, red at the second node");
 }

@@ -3,6 +3,7 @@
 use super::baumer::{self, Command, attribute as id};
 use super::rules::{AT_REST, Known, Turns, Violation, check_position, check_set, distance};
 use super::{Flags, Kind, Profile, Reading, codes};
+use crate::devicenet::cip::Attribute;
 use crate::event::Moment;
 use crate::finding::{Code, Finding, State};
 use alloc::vec::Vec;
@@ -79,6 +80,13 @@ impl Watch {
     #[must_use]
     pub const fn profile(&self) -> Profile {
         self.profile
+    }
+
+    /// What parameters are called that a restart would undo: written or reset, and not saved.
+    pub fn unsaved(&self) -> impl Iterator<Item = &'static str> + use<> {
+        let unsaved = self.unsaved;
+        let is_unsaved = move |it: &&Attribute| unsaved >> it.id & 1 == 1;
+        baumer::ATTRIBUTES.iter().filter(is_unsaved).map(|attribute| attribute.name)
     }
 
     /// The COS delta in steps, if it was seen.
@@ -322,7 +330,9 @@ mod tests {
         );
         assert_eq!(encoder.restart().map(|finding| finding.actual), Some(Some(1)));
         raised(|told| encoder.write(10, &preset, told));
+        assert_eq!(encoder.unsaved().collect::<Vec<_>>(), ["Preset value"]);
         raised(|told| encoder.command(Command::Save, told));
+        assert_eq!(encoder.unsaved().count(), 0);
         assert_eq!(encoder.restart(), None);
     }
 
