@@ -3,7 +3,8 @@
 //! A profile is bound by the user, by the product code together with a successful access to the
 //! profile's class, or by an EDS. Nothing is read as an encoder's that is not bound.
 
-use super::cip::{Path, class as object};
+use super::cip::service::GET_ATTRIBUTES_ALL;
+use super::cip::{DeviceIdentity, Path, class as object};
 use super::codes;
 use super::eds::{self, Eds};
 use super::encoder::codes as encoder_codes;
@@ -61,6 +62,25 @@ struct Identity {
     device_type: Option<u16>,
     product_code: Option<u16>,
     major_revision: Option<u8>,
+}
+
+impl Identity {
+    /// Takes what an answer of the Identity object tells.
+    fn learn(&mut self, code: u8, attribute: Option<u16>, data: &[u8]) {
+        match (code, attribute, data) {
+            (service::GET, Some(1), [low, high]) => self.vendor = Some(word(*low, *high)),
+            (service::GET, Some(2), [low, high]) => self.device_type = Some(word(*low, *high)),
+            (service::GET, Some(3), [low, high]) => self.product_code = Some(word(*low, *high)),
+            (service::GET, Some(4), [major, _]) => self.major_revision = Some(*major & 0x7F),
+            (GET_ATTRIBUTES_ALL, ..) => {
+                let Ok((_, all)) = DeviceIdentity::parse(data) else { return };
+                (self.vendor, self.device_type) = (Some(all.vendor), Some(all.device_type));
+                self.product_code = Some(all.product_code);
+                self.major_revision = Some(all.revision.major);
+            }
+            _ => {}
+        }
+    }
 }
 
 impl Encoders {
@@ -247,15 +267,8 @@ impl Station {
     /// Takes what an answer tells of the device itself.
     fn learn(&mut self, answered: Service, target: Target, data: &[u8]) {
         let Target { class: Some(class), instance: Some(1), attribute } = target else { return };
-        if class == object::IDENTITY && answered.code == service::GET {
-            let identity = &mut self.identity;
-            match (attribute, data) {
-                (Some(1), [low, high]) => identity.vendor = Some(word(*low, *high)),
-                (Some(2), [low, high]) => identity.device_type = Some(word(*low, *high)),
-                (Some(3), [low, high]) => identity.product_code = Some(word(*low, *high)),
-                (Some(4), [major, _]) => identity.major_revision = Some(*major & 0x7F),
-                _ => {}
-            }
+        if class == object::IDENTITY {
+            self.identity.learn(answered.code, attribute, data);
         }
         self.has_position_class |= class == baumer::ENCODER_POSITION;
         let code = self.identity.product_code;

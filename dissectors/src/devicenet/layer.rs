@@ -366,6 +366,13 @@ impl Facts {
     /// What the data means: a value that was read or is to be written.
     pub fn value<'a>(&self, data: Option<&'a [u8]>, names: &Names<'_>) -> Option<cip::Value<'a>> {
         let Service { code, is_response } = self.service?;
+        if code == cip::service::GET_ATTRIBUTES_ALL
+            && is_response
+            && self.target.is(class::IDENTITY, 1)
+        {
+            let (_, identity) = cip::DeviceIdentity::parse(data?).ok()?;
+            return Some(cip::Value::Identity(identity));
+        }
         let carries = matches!((code, is_response), (service::GET, true) | (service::SET, false));
         let data = data.filter(|_| carries)?;
         names.decode(self.target, data)

@@ -44,6 +44,49 @@ fn the_assembly_that_is_selected_is_saved_at_once() {
     assert_eq!(told[4].messages, ["0 set Produced connection path to assembly 2, saved at once"]);
 }
 
+/// Get_Attributes_All of the identity: vendor 468, type 22h, product 10, revision 1.1, status 0,
+/// serial 017FE315h, AMG 11. Its 22 bytes come in four fragments.
+const IDENTITY: [(f64, &str); 9] = [
+    (0.0, "4BC#00010101"),
+    (1.0, "4BB#800081D40122000A"),
+    (2.0, "4BC#80C000"),
+    (3.0, "4BB#8041000101000015"),
+    (4.0, "4BC#80C100"),
+    (5.0, "4BB#8042E37F0106414D"),
+    (6.0, "4BC#80C200"),
+    (7.0, "4BB#808347203131"),
+    (8.0, "4BC#80C300"),
+];
+
+#[test]
+fn all_attributes_of_the_identity_at_once_tell_who_it_is() {
+    let position = [(9.0, "4BC#000E2F010C"), (10.0, "4BB#008E45230100")];
+    let lines = [&IDENTITY[..], &position].concat();
+    let told = read(Settings::default(), &lines);
+    let (answer, position) = (&told[7], &told[10]);
+    assert_eq!(
+        answer.summary,
+        "23 answers 0: AMG 11, vendor 468 (Baumer IVO), type 34 (encoder), product 10, \
+         revision 1.1, status 0000h, serial 017FE315h in 1.00 ms"
+    );
+    assert_eq!(answer.get("value"), "468 34 10 1 1 0 25158421 AMG 11");
+    // Product code 0Ah and an answer of class 2Fh are Baumer's (manual §1.2).
+    assert_eq!(position.get("attribute_name"), "Position value");
+    assert_eq!(position.summary, "23 answers 0: Position value 74565 steps in 1.00 ms");
+}
+
+#[test]
+fn the_serial_number_tells_a_restart_from_a_second_node() {
+    let checked = |serial: &str| {
+        let check = format!("4BF#00D401{serial}");
+        let lines = [&IDENTITY[..], &[(100.0, &*check), (1_100.0, &*check)]].concat();
+        let told = read(Settings::default(), &lines);
+        told.into_iter().flat_map(|told| told.codes).collect::<Vec<_>>()
+    };
+    assert_eq!(checked("15E37F01"), ["node-restart"]);
+    assert_eq!(checked("16E37F01"), ["duplicate-mac", "duplicate-mac"]);
+}
+
 /// What was concluded of station 23 about a subject, with the evidence.
 fn concluded(subject: &str, lines: &[(f64, &str)]) -> Vec<(String, String)> {
     let of_station = conclusions(encoder(), &script(lines)).into_iter();
