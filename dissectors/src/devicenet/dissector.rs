@@ -14,6 +14,7 @@ use crate::event::{Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::protocol::{self, Conclusion, Dissector};
 use crate::record::{BusInfo, Output, Record};
+use crate::station::Stations;
 use crate::uart::Wire;
 use alloc::vec::Vec;
 
@@ -23,6 +24,7 @@ pub struct DeviceNet {
     watch: Watch,
     ledger: Ledger,
     encoders: Encoders,
+    stations: Stations,
     /// The last stamp that was told, and its ±.
     last: (Moment, u32),
     at_end: Vec<Finding>,
@@ -36,7 +38,8 @@ impl DeviceNet {
             wire,
             watch: Watch::new(wire),
             ledger: Ledger::new(wire, settings.devicenet),
-            encoders: Encoders::new(&settings.devices, &settings.eds),
+            encoders: Encoders::new(settings),
+            stations: settings.stations.clone(),
             last: (Moment::UNKNOWN, 0),
             at_end: Vec::new(),
         }
@@ -139,6 +142,7 @@ impl DeviceNet {
             io,
             reading,
             names,
+            stations: &self.stations,
             fragments: assembly(facts.completes).map_or(&[], |it| it.numbers()),
             facts,
         };
@@ -202,6 +206,7 @@ impl DeviceNet {
             io: None,
             reading: None,
             names: Names::default(),
+            stations: &self.stations,
             fragments: &[],
         };
         let findings = &self.ledger.judgement.findings;

@@ -8,13 +8,14 @@ use super::cip::{DeviceIdentity, Path, class as object};
 use super::codes;
 use super::eds::{self, Eds};
 use super::encoder::codes as encoder_codes;
-use super::encoder::{Assembly, Devices, Led, NodeState, Profile, Reading, Watch, baumer};
+use super::encoder::{Assembly, Led, NodeState, Profile, Reading, Watch, baumer};
 use super::identifier::{MAC_IDS, MacId};
 use super::layer::{Facts, kind};
 use super::message::{Service, Target, service};
 use crate::event::Moment;
 use crate::finding::Finding;
-use crate::protocol::Conclusion;
+use crate::protocol::{Conclusion, Settings};
+use crate::station::Resolution;
 use alloc::vec::Vec;
 use alloc::{borrow::ToOwned, boxed::Box, format, string::String, string::ToString, sync::Arc};
 
@@ -37,6 +38,8 @@ pub(super) struct Encoders {
 #[derive(Clone, Default)]
 struct Station {
     identity: Identity,
+    /// Positions that it has, as the user says.
+    positions: Option<u32>,
     /// The position class answered.
     has_position_class: bool,
     bound: Option<Box<Bound>>,
@@ -84,14 +87,18 @@ impl Identity {
 }
 
 impl Encoders {
-    pub fn new(devices: &Devices, files: &Arc<[Eds]>) -> Self {
+    pub fn new(settings: &Settings) -> Self {
         let mut stations = alloc::vec![Station::default(); MAC_IDS];
-        for (station, profile) in devices {
+        for (number, station) in (0..).zip(&mut stations) {
+            let resolution = settings.stations.get(&number).and_then(|known| known.resolution);
+            station.positions = resolution.map(Resolution::positions);
+        }
+        for (station, profile) in &settings.devices {
             if let Some(station) = stations.get_mut(usize::from(*station)) {
                 station.bind(*profile, "--device says so".to_owned());
             }
         }
-        Encoders { stations, files: Arc::clone(files) }
+        Encoders { stations, files: Arc::clone(&settings.eds) }
     }
 
     /// How the objects of a station are read.
@@ -191,7 +198,8 @@ impl Encoders {
 impl Station {
     fn bind(&mut self, profile: Profile, evidence: String) {
         let kind = self.identity.product_code.and_then(baumer::kind_of_product);
-        self.bound = Some(Box::new(Bound { watch: Watch::new(profile, kind), evidence }));
+        self.bound =
+            Some(Box::new(Bound { watch: Watch::new(profile, kind, self.positions), evidence }));
     }
 
     fn restart(&mut self) -> Option<Finding> {

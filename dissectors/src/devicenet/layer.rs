@@ -11,6 +11,7 @@ use super::transactions::Kept;
 use crate::can::{self, FrameFields};
 use crate::field::{Field, FieldId, Kind, List, Value, fields, joined};
 use crate::record::Turn;
+use crate::station::{Resolution, Station, Stations};
 
 /// The kinds of records.
 pub(super) mod kind {
@@ -222,6 +223,8 @@ pub(super) struct Message<'a> {
     pub reading: Option<(Assembly, Reading)>,
     /// How the station's objects are read.
     pub names: Names<'a>,
+    /// What the user knows of the stations.
+    pub stations: &'a Stations,
     /// Numbers of the records that make up the message.
     pub fragments: &'a [u64],
 }
@@ -250,6 +253,8 @@ fields! {
             => |t| t.facts.place.map(|place| i64::from(place.message_id)).into();
         "devicenet.mac" (MAC, "", Plain) "MAC ID in the identifier, of source or destination"
             => |t| mac(t.facts.place.and_then(|place| place.mac));
+        "devicenet.name" (Kind::Text, "", Plain) "name of the station (with --stations)"
+            => |t| t.station().and_then(|station| station.name.as_deref()).into();
         "devicenet.source" (MAC, "", Source) "MAC ID of who sent it, where that is known"
             => |t| mac(t.facts.source);
         "devicenet.destination" (MAC, "", Destination)
@@ -330,6 +335,14 @@ fields! {
         "devicenet.io.position" (Kind::Int(0, 4_294_967_295), "steps", Position)
             "position of an encoder whose profile is known"
             => |t| t.reading.map(|(_, reading)| i64::from(reading.position)).into();
+        "devicenet.io.turns" (Kind::Int(0, 4_294_967_295), "turns", Plain)
+            "whole turns, clockwise (with --stations)"
+            => |t| t.place().and_then(|(it, position)| it.turns(position)).map(i64::from).into();
+        "devicenet.io.angle" (Kind::Float, "degrees", Plain)
+            "angle within the turn, clockwise (with --stations)"
+            => |t| t.place()
+                .and_then(|(it, position)| it.angle(position))
+                .map_or(Value::Absent, Value::Float);
         "devicenet.io.alarm" (Kind::Bool, "", Plain) "alarm flag, where the assembly has one"
             => |t| t.flag(Flags::alarm);
         "devicenet.io.warning" (Kind::Bool, "", Plain) "warning flag, where the assembly has one"
@@ -388,6 +401,15 @@ impl Message<'_> {
             }
             _ => cip::service_name(code, self.facts.target.class),
         }
+    }
+
+    fn station(&self) -> Option<&Station> {
+        self.stations.get(&self.facts.station?.get().into())
+    }
+
+    /// The position of an encoder whose resolution the user knows.
+    pub fn place(&self) -> Option<(Resolution, u32)> {
+        self.station()?.resolution.zip(self.reading.map(|(_, reading)| reading.position))
     }
 
     fn attribute_name(&self) -> Option<&str> {

@@ -4,6 +4,7 @@
 use crate::bus::{Told, conclusions, decode_with, script};
 use fieldtap_dissectors::devicenet::encoder::Profile;
 use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::station::{Direction, Resolution, Station};
 
 fn encoder() -> Settings {
     Settings { devices: [(23, Profile::BaumerEncoder)].into(), ..Settings::default() }
@@ -85,6 +86,28 @@ fn the_serial_number_tells_a_restart_from_a_second_node() {
     };
     assert_eq!(checked("15E37F01"), ["node-restart"]);
     assert_eq!(checked("16E37F01"), ["duplicate-mac", "duplicate-mac"]);
+}
+
+#[test]
+fn stations_have_the_names_and_the_resolution_that_the_user_gives_them() {
+    let axis = Station {
+        name: Some("lift axis".to_owned()),
+        resolution: Resolution::new(13, 16, Direction::Clockwise),
+    };
+    let scanner = Station { name: Some("scanner".to_owned()), resolution: None };
+    let settings = Settings { stations: [(0, scanner), (23, axis)].into(), ..encoder() };
+    // 3 turns of 8192 steps and a quarter: 26624 is 6800h.
+    let told =
+        read(settings, &[(0.0, "4BC#000E2F0103"), (1.0, "4BB#008E00"), (5.0, "3D7#00680000")]);
+    assert_eq!(told[0].summary, "0 (scanner) asks 23 (lift axis): Get Sense of rotation");
+    let answer = &told[2];
+    assert_eq!(answer.get("name"), "lift axis");
+    assert_eq!((answer.get("io.turns"), answer.get("io.angle")), ("3", "90"));
+    assert_eq!(
+        answer.summary,
+        "23 (lift axis) answers the poll: position 26624 = 3 turns 90.000°, \
+         alarm and warning: not on this connection"
+    );
 }
 
 /// What was concluded of station 23 about a subject, with the evidence.

@@ -22,6 +22,9 @@ const LOOK_BACK_NS: i64 = 250_000_000;
 pub struct Watch {
     profile: Profile,
     kind: Option<Kind>,
+    /// How many positions it has, as the user says: after the last comes the first. What the encoder
+    /// says itself comes first, and nothing else is judged by this.
+    positions: Option<u32>,
     /// Values of the position class as they were last read or written.
     values: [Option<i64>; ATTRIBUTES],
     /// Attributes written since the last Save: bit *n* is attribute *n*.
@@ -59,12 +62,14 @@ impl Lasting {
 }
 
 impl Watch {
-    /// Of an encoder with this profile of which nothing was heard yet.
+    /// Of an encoder with this profile of which nothing was heard yet. `positions`: how many it has,
+    /// as the user says.
     #[must_use]
-    pub const fn new(profile: Profile, kind: Option<Kind>) -> Self {
+    pub const fn new(profile: Profile, kind: Option<Kind>, positions: Option<u32>) -> Self {
         Watch {
             profile,
             kind,
+            positions,
             values: [None; ATTRIBUTES],
             unsaved: 0,
             last: None,
@@ -211,7 +216,7 @@ impl Watch {
     #[must_use]
     pub fn step_to(&self, position: u32) -> Option<u32> {
         let (last, _) = self.last?;
-        Some(distance(last, position, self.known().total_resolution))
+        Some(distance(last, position, self.known().total_resolution.or(self.positions)))
     }
 
     /// Something was lost: positions before and after do not compare.
@@ -229,7 +234,8 @@ impl Watch {
         let age = |at: Moment| now.since(at).unwrap_or(i64::MAX);
         let seen = [self.last, self.before].into_iter().flatten();
         let recent = seen.filter(|(_, at)| age(*at) <= MOTION_NS);
-        let steps = recent.map(|(then, _)| distance(then, position, total)).max();
+        let round = total.or(self.positions);
+        let steps = recent.map(|(then, _)| distance(then, position, round)).max();
         self.motion = steps.filter(|steps| *steps > AT_REST);
         if self.before.is_none_or(|(_, at)| age(at) > LOOK_BACK_NS) {
             self.before = Some((position, now));
@@ -305,7 +311,7 @@ mod tests {
     }
 
     fn baumer() -> Watch {
-        Watch::new(Profile::BaumerEncoder, Some(Kind::Multiturn))
+        Watch::new(Profile::BaumerEncoder, Some(Kind::Multiturn), None)
     }
 
     /// The codes that something raises.
@@ -351,7 +357,7 @@ mod tests {
 
     #[test]
     fn what_has_another_number_in_another_profile_is_not_mistaken() {
-        let mut sensor = Watch::new(Profile::PositionSensor, None);
+        let mut sensor = Watch::new(Profile::PositionSensor, None, None);
         // Class 23h: 0Bh is the sensor type, 0Ch the sense of rotation, 0Ah the position. In class
         // 2Fh these are the COS delta, the position and the preset.
         raised(|told| sensor.read(0x0B, &[2, 0], at(0), told));
