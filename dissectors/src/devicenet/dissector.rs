@@ -7,6 +7,7 @@ use super::encoders::Encoders;
 use super::identifier::{MacId, Port};
 use super::layer::{Bytes, Facts, Link, Message, kind};
 use super::ledger::{Ledger, Now, is_foreign};
+use super::members::{LaidOut, carried};
 use super::names::Names;
 use super::{PROTOCOL, Settings};
 use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
@@ -89,7 +90,10 @@ impl DeviceNet {
     }
 
     fn look(&mut self, now: &Now<'_>) -> Facts {
-        let facts = self.ledger.look(now);
+        let mut facts = self.ledger.look(now);
+        if let Some(eds) = self.encoders.eds(facts.station) {
+            self.ledger.judge_by_description(now, &mut facts, eds);
+        }
         if now.frame.is_cut() {
             // The frame on the wire was longer: what is missing is not its sender's fault.
             let blamed = [&codes::MALFORMED, &codes::SIZE_MISMATCH, &codes::FRAGMENT_SEQUENCE];
@@ -135,12 +139,14 @@ impl DeviceNet {
             profile: self.encoders.profile(facts.station),
             eds: self.encoders.eds(facts.station),
         };
+        let laid_out = io.and_then(|io| self.laid_out(&facts, io));
         let message = Message {
             frame: FrameFields::new(Some(frame)),
             data,
             value: facts.value(data, &names),
             io,
             reading,
+            laid_out,
             names,
             stations: &self.stations,
             fragments: assembly(facts.completes).map_or(&[], |it| it.numbers()),
@@ -154,6 +160,14 @@ impl DeviceNet {
         record.findings = &self.ledger.judgement.findings;
         record.withheld = &self.ledger.judgement.withheld;
         out.emit(record);
+    }
+
+    /// What I/O data is by the maker's description of its station.
+    fn laid_out<'a>(&'a self, facts: &Facts, data: &'a [u8]) -> Option<LaidOut<'a>> {
+        let eds = self.encoders.eds(facts.station)?;
+        let (slave, instance, direction, mode) = carried(facts)?;
+        let assembly = self.ledger.assembly_of((slave, instance, direction));
+        LaidOut::of(eds, (direction, mode), assembly, data)
     }
 
     /// Tells what was due before `now`.
@@ -205,6 +219,7 @@ impl DeviceNet {
             value: None,
             io: None,
             reading: None,
+            laid_out: None,
             names: Names::default(),
             stations: &self.stations,
             fragments: &[],

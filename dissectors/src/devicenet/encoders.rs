@@ -59,7 +59,7 @@ struct Bound {
 }
 
 /// What the Identity object told: vendor, device type, product code, major revision.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
 struct Identity {
     vendor: Option<u16>,
     device_type: Option<u16>,
@@ -147,8 +147,11 @@ impl Encoders {
             if !asked.is_response {
                 station.asked(asked, facts.target, data.unwrap_or_default(), now, findings);
             } else if facts.error.is_none() {
+                let before = station.identity;
                 station.answered(asked, facts, data.unwrap_or_default(), now, findings);
-                station.describe(&self.files);
+                if station.identity != before {
+                    station.describe(&self.files);
+                }
             }
         }
     }
@@ -173,11 +176,14 @@ impl Encoders {
     pub fn conclusions(&self, state: impl Fn(MacId) -> NodeState) -> Vec<Conclusion> {
         let mut all = Vec::new();
         for (number, station) in (0..).zip(&self.stations) {
-            let Some(bound) = &station.bound else { continue };
             let mut conclude = |subject, value: &str, evidence: &str| {
                 let (value, evidence) = (Some(value.to_owned()), evidence.to_owned());
                 all.push(Conclusion { subject, station: Some(number), value, evidence });
             };
+            if let Some(eds) = station.eds.and_then(|place| self.files.get(place)) {
+                conclude("EDS", &eds.device.product_name, "vendor and product as the device says");
+            }
+            let Some(bound) = &station.bound else { continue };
             conclude("device", bound.watch.profile().name(), &bound.evidence);
             let mac = MacId::new(number as u8);
             let led = Led::of(mac.map_or(NodeState::Absent, &state));
@@ -190,6 +196,12 @@ impl Encoders {
                 let names: Vec<&str> = unsaved.collect();
                 conclude("not saved", &names.join(", "), "written or reset, and no Save since");
             }
+        }
+        let is_used = |place| self.stations.iter().any(|station| station.eds == Some(place));
+        for (_, file) in self.files.iter().enumerate().filter(|(place, _)| !is_used(*place)) {
+            let value = format!("{} of no station", file.device.product_name);
+            let evidence = "nobody told its vendor, product code, type and revision".to_owned();
+            all.push(Conclusion { subject: "EDS", station: None, value: Some(value), evidence });
         }
         all
     }
@@ -288,20 +300,19 @@ impl Station {
         }
     }
 
-    /// Finds the maker's description, once the identity is known.
+    /// Finds the maker's description, as far as the identity is known.
     fn describe(&mut self, files: &[Eds]) {
-        if files.is_empty() || self.eds.is_some() {
-            return;
-        }
         let Identity { vendor, device_type, product_code, major_revision } = self.identity;
-        let known = vendor.zip(device_type).zip(product_code).zip(major_revision);
-        let Some((((vendor, device_type), product_code), major_revision)) = known else { return };
+        let Some((vendor, product_code)) = vendor.zip(product_code) else { return };
         let identity = eds::Identity { vendor, device_type, product_code, major_revision };
-        self.eds = files.iter().position(|file| file.describes(&identity));
+        self.eds = eds::find(files, &identity);
         let file = self.eds.and_then(|place| files.get(place));
-        if file.is_some_and(|file| file.has_class(baumer::ENCODER_POSITION)) && self.bound.is_none()
+        let profile = Profile::of_product_code(product_code);
+        if let (Some(profile), Some(true), None) =
+            (profile, file.map(|file| file.has_class(baumer::ENCODER_POSITION)), &self.bound)
         {
-            self.bind(Profile::BaumerEncoder, "its EDS has class 2Fh".to_owned());
+            let evidence = format!("product code {product_code} and an EDS with class 2Fh");
+            self.bind(profile, evidence);
         }
     }
 

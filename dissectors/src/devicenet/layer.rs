@@ -5,6 +5,7 @@ use super::cip::{self, class};
 use super::defect::Defect;
 use super::encoder::{Assembly, Flags, Reading};
 use super::identifier::{MacId, Place};
+use super::members::{LaidOut, MEMBER_FIELDS};
 use super::message::{Fragment, Identity, Service, Target, service};
 use super::names::Names;
 use super::transactions::Kept;
@@ -221,6 +222,8 @@ pub(super) struct Message<'a> {
     pub io: Option<&'a [u8]>,
     /// What the I/O data of an encoder says.
     pub reading: Option<(Assembly, Reading)>,
+    /// What the maker's description says that the I/O data is.
+    pub laid_out: Option<LaidOut<'a>>,
     /// How the station's objects are read.
     pub names: Names<'a>,
     /// What the user knows of the stations.
@@ -254,7 +257,7 @@ fields! {
         "devicenet.mac" (MAC, "", Plain) "MAC ID in the identifier, of source or destination"
             => |t| mac(t.facts.place.and_then(|place| place.mac));
         "devicenet.name" (Kind::Text, "", Plain) "name of the station (with --stations)"
-            => |t| t.station().and_then(|station| station.name.as_deref()).into();
+            => |t| t.name().into();
         "devicenet.source" (MAC, "", Source) "MAC ID of who sent it, where that is known"
             => |t| mac(t.facts.source);
         "devicenet.destination" (MAC, "", Destination)
@@ -349,6 +352,14 @@ fields! {
             => |t| t.flag(Flags::warning);
         "devicenet.io.assembly" (WORD, "", Plain) "assembly instance, by the size of the data"
             => |t| t.reading.map(|(assembly, _)| i64::from(assembly.instance())).into();
+        "devicenet.io.name" (Kind::Text, "", Plain) "what the EDS calls the data"
+            => |t| t.laid_out.map(|it| it.name).filter(|name| !name.is_empty()).into();
+        "devicenet.io.members" (Kind::Rows(&MEMBER_FIELDS), "", Plain)
+            "what stands in the data, by the EDS"
+            => |t| t.laid_out
+                .as_ref()
+                .and_then(|it| it.members.as_ref())
+                .map_or(Value::Absent, |members| Value::Rows(members));
         "devicenet.io.data" (Kind::Hex, "", Plain) "I/O data of which nothing else is known"
             => |t| t.io
                 .filter(|_| t.reading.is_none())
@@ -401,6 +412,11 @@ impl Message<'_> {
             }
             _ => cip::service_name(code, self.facts.target.class),
         }
+    }
+
+    /// What the user calls the record's station.
+    pub fn name(&self) -> Option<&str> {
+        self.station()?.name.as_deref()
     }
 
     fn station(&self) -> Option<&Station> {

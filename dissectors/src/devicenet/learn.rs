@@ -2,7 +2,7 @@
 
 use super::allocation::{self, Choice};
 use super::cip::service::GET_ATTRIBUTES_ALL;
-use super::cip::{DeviceIdentity, class};
+use super::cip::{DeviceIdentity, Path, class};
 use super::codes;
 use super::connection::{CONNECTIONS, Connection, Direction, Habit, Instance, State as Stands};
 use super::defect::Defect;
@@ -57,6 +57,10 @@ pub(super) fn judge_answer(request: &Request, body: &[u8]) -> Option<Defect> {
         Ordering::Equal => None,
         Ordering::Greater => Some(Defect::Excess),
     }
+}
+
+fn assembly(path: &[u8]) -> Option<u16> {
+    Path::parse(path).and_then(Path::assembly)
 }
 
 impl Ledger {
@@ -241,6 +245,8 @@ impl Ledger {
             (attribute::TRANSPORT, [transport]) => connection.is_mute = transport & 0x0F == 0,
             (attribute::WATCHDOG, [action]) => connection.watchdog = Some(*action),
             (attribute::MULTIPLIER, [code]) => connection.multiplier = *code,
+            (attribute::PRODUCED_PATH, path) => connection.produced.assembly = assembly(path),
+            (attribute::CONSUMED_PATH, path) => connection.consumed.assembly = assembly(path),
             (_, [low, high]) => {
                 let word = Some(u16::from_le_bytes([*low, *high]));
                 match attribute {

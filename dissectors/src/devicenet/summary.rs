@@ -3,6 +3,7 @@
 use super::cip;
 use super::identifier::MacId;
 use super::layer::{Link, Message, kind};
+use super::members::LaidOut;
 use super::message::{Fragment, Identity, Part, service};
 use crate::can;
 use crate::field::{FieldId, Value};
@@ -33,9 +34,11 @@ impl Layer for Message<'_> {
 }
 
 impl Message<'_> {
+    /// The record's station has its name beside its number. Others have not: what was said matters
+    /// more, and a line is short.
     fn who(&self, mac: Option<MacId>) -> Who<'_> {
-        let station = mac.and_then(|mac| self.stations.get(&mac.get().into()));
-        Who { mac, name: station.and_then(|station| station.name.as_deref()) }
+        let is_station = mac.is_some() && mac == self.facts.station;
+        Who { mac, name: self.name().filter(|_| is_station) }
     }
 
     fn say_frame(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
@@ -226,15 +229,22 @@ impl Message<'_> {
         if let Some(ns) = self.facts.response_time {
             write!(out, " in {}", Span(ns))?;
         }
-        match self.reading {
-            Some((_, reading)) => {
+        let laid_out = self.laid_out;
+        match (self.reading, laid_out.and_then(|it| it.members)) {
+            (Some((_, reading)), _) => {
                 write!(out, ": position {}", reading.position)?;
                 if let Some((resolution, position)) = self.place() {
                     write!(out, " {}", resolution.place(position))?;
                 }
                 write!(out, ", {}", reading.flags)
             }
-            None => self.say_data(self.io, out),
+            (None, Some(members)) => write!(out, ": {members}"),
+            (None, None) => {
+                if let Some(LaidOut { name, .. }) = laid_out {
+                    write!(out, ": {name}")?;
+                }
+                self.say_data(self.io, out)
+            }
         }
     }
 

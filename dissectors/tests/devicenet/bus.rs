@@ -4,7 +4,7 @@ use fieldtap_dissectors::bus::{Bus, WireFacts};
 use fieldtap_dissectors::can::{Frame, Identifier};
 use fieldtap_dissectors::devicenet::PROTOCOL;
 use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
-use fieldtap_dissectors::field::Value;
+use fieldtap_dissectors::field::{Kind, Value};
 use fieldtap_dissectors::finding::{Finding, State};
 use fieldtap_dissectors::protocol::{Conclusion, Settings};
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
@@ -50,7 +50,7 @@ impl Sink for Recorder {
         record.summarize(&mut summary).unwrap();
         let fields = (0..).zip(PROTOCOL.fields).filter_map(|(id, field)| {
             let name = field.name.strip_prefix("devicenet.").unwrap_or(field.name);
-            Some((name, shown(record.get(id))?))
+            Some((name, shown(record.get(id), field.kind)?))
         });
         let messages: Vec<String> = record.findings.iter().map(|it| said(it, record)).collect();
         let codes = record.findings.iter().map(|finding| {
@@ -84,7 +84,7 @@ fn said(finding: &Finding, record: &Record<'_>) -> String {
     message
 }
 
-fn shown(value: Value<'_>) -> Option<String> {
+fn shown(value: Value<'_>, kind: Kind) -> Option<String> {
     Some(match value {
         Value::Absent => return None,
         Value::Bool(value) => value.to_string(),
@@ -92,11 +92,21 @@ fn shown(value: Value<'_>) -> Option<String> {
         Value::Text(text) => text.to_owned(),
         Value::Hex(bytes) => bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
         Value::List(list) => {
-            let items: Vec<String> = (0..list.len()).filter_map(|it| shown(list.get(it))).collect();
+            let items: Vec<String> =
+                (0..list.len()).filter_map(|it| shown(list.get(it), kind)).collect();
             items.join(" ")
         }
         Value::Float(value) => value.to_string(),
-        Value::Byte(_) | Value::Rows(_) => unreachable!(),
+        Value::Rows(rows) => {
+            let Kind::Rows(fields) = kind else { unreachable!() };
+            let row = |row| {
+                let cells =
+                    (0..fields.len()).map(|cell| shown(rows.get(row, cell), fields[cell].kind));
+                cells.map(Option::unwrap_or_default).collect::<Vec<_>>().join("/")
+            };
+            (0..rows.len()).map(row).collect::<Vec<_>>().join(" ")
+        }
+        Value::Byte(_) => unreachable!(),
     })
 }
 

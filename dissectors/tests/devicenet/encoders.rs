@@ -47,7 +47,7 @@ fn the_assembly_that_is_selected_is_saved_at_once() {
 
 /// Get_Attributes_All of the identity: vendor 468, type 22h, product 10, revision 1.1, status 0,
 /// serial 017FE315h, AMG 11. Its 22 bytes come in four fragments.
-const IDENTITY: [(f64, &str); 9] = [
+pub const IDENTITY: [(f64, &str); 9] = [
     (0.0, "4BC#00010101"),
     (1.0, "4BB#800081D40122000A"),
     (2.0, "4BC#80C000"),
@@ -94,12 +94,11 @@ fn stations_have_the_names_and_the_resolution_that_the_user_gives_them() {
         name: Some("lift axis".to_owned()),
         resolution: Resolution::new(13, 16, Direction::Clockwise),
     };
-    let scanner = Station { name: Some("scanner".to_owned()), resolution: None };
-    let settings = Settings { stations: [(0, scanner), (23, axis)].into(), ..encoder() };
+    let settings = Settings { stations: [(23, axis)].into(), ..encoder() };
     // 3 turns of 8192 steps and a quarter: 26624 is 6800h.
     let told =
         read(settings, &[(0.0, "4BC#000E2F0103"), (1.0, "4BB#008E00"), (5.0, "3D7#00680000")]);
-    assert_eq!(told[0].summary, "0 (scanner) asks 23 (lift axis): Get Sense of rotation");
+    assert_eq!(told[0].summary, "0 asks 23 (lift axis): Get Sense of rotation");
     let answer = &told[2];
     assert_eq!(answer.get("name"), "lift axis");
     assert_eq!((answer.get("io.turns"), answer.get("io.angle")), ("3", "90"));

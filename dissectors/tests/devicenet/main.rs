@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod bus;
+mod eds;
 mod encoders;
 mod examples;
 mod explicit;
