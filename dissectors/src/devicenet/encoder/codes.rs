@@ -134,7 +134,7 @@ pub static PRESET_WHILE_MOVING: Code = Code {
     is_cause: false,
     meaning: "The preset was written while the shaft was moving: the position is off by as much as it moved meanwhile.",
     rule: "A preset is to be set at standstill (Baumer DeviceNet manual §8).",
-    evidence: "The last two positions before the Set request differ by more than two steps and are less than a second old.",
+    evidence: "The last two positions before the Set request differ by more than two steps; or they differ at all, and by more than two from one up to a quarter of a second before. The last is not older than twice the time between them.",
     causes: &["the program does not wait for standstill", "the axis is not braked"],
     next: &[
         "stop the axis, then preset",
@@ -143,7 +143,7 @@ pub static PRESET_WHILE_MOVING: Code = Code {
     cure: Cure { one: "stop the axis before the preset", all: "preset at standstill" },
     say: |finding, _, out| {
         let steps = finding.actual.unwrap_or_default();
-        write!(out, "preset while the shaft moves: {steps} steps between the last two positions")
+        write!(out, "preset while the shaft moves: {steps} steps just before")
     },
 };
 

@@ -17,6 +17,9 @@ const MOTION_NS: i64 = 1_000_000_000;
 /// How far back motion is looked for, in ns.
 const LOOK_BACK_NS: i64 = 250_000_000;
 
+/// By how much two positions may be stamped apart more than they were taken, in ns.
+const STAMPING_NS: i64 = 10_000_000;
+
 /// What was heard of one encoder.
 #[derive(Clone, Debug)]
 pub struct Watch {
@@ -32,8 +35,8 @@ pub struct Watch {
     last: Option<(u32, Moment)>,
     /// A position of up to a quarter of a second ago.
     before: Option<(u32, Moment)>,
-    /// Steps between the last two positions, if they tell of motion.
-    motion: Option<u32>,
+    /// By how many steps the shaft moved last, and until when it is taken to move.
+    motion: Option<(u32, Moment)>,
     alarm: Lasting,
     warning: Lasting,
     told_turns: Option<(u32, u32)>,
@@ -134,10 +137,9 @@ impl Watch {
         if self.is_baumer() {
             findings.extend(check_set(attribute, data, self.known()).err().map(finding));
         }
-        let is_recent =
-            self.last.and_then(|(_, at)| now.since(at)).is_some_and(|ns| ns <= MOTION_NS);
         let is_preset = self.profile.as_baumer(attribute) == Some(id::PRESET);
-        if let (true, Some(steps), true) = (is_preset, self.motion, is_recent) {
+        let motion = self.motion.filter(|(_, until)| now.is_known() && !now.is_after(*until));
+        if let (true, Some((steps, _))) = (is_preset, motion) {
             let finding = Finding::new(&codes::PRESET_WHILE_MOVING).actual(i64::from(steps));
             findings.push(finding.limit(i64::from(AT_REST)));
         }
@@ -230,17 +232,27 @@ impl Watch {
             let finding = Finding::new(&codes::POSITION_OUT_OF_RANGE).actual(i64::from(position));
             findings.push(finding.limit(i64::from(total)));
         }
-        // Fast polls see a slow shaft move by less than it may flicker: hence a look further back.
+        self.motion = self.motion_to(position, now);
         let age = |at: Moment| now.since(at).unwrap_or(i64::MAX);
-        let seen = [self.last, self.before].into_iter().flatten();
-        let recent = seen.filter(|(_, at)| age(*at) <= MOTION_NS);
-        let round = total.or(self.positions);
-        let steps = recent.map(|(then, _)| distance(then, position, round)).max();
-        self.motion = steps.filter(|steps| *steps > AT_REST);
         if self.before.is_none_or(|(_, at)| age(at) > LOOK_BACK_NS) {
             self.before = Some((position, now));
         }
         self.last = Some((position, now));
+    }
+
+    /// What a position tells of motion. Fast polls see a slow shaft move by less than it may flicker:
+    /// hence a look further back, while it is not at rest. In change of state mode a shaft that
+    /// stopped sends nothing: it moves no longer than the next position would have taken to come.
+    fn motion_to(&self, position: u32, now: Moment) -> Option<(u32, Moment)> {
+        let round = self.known().total_resolution.or(self.positions);
+        let since = |(then, at): (u32, Moment)| {
+            let gap = now.since(at).filter(|gap| *gap <= MOTION_NS)?;
+            Some((distance(then, position, round), gap))
+        };
+        let (last, gap) = self.last.and_then(since)?;
+        let earlier = self.before.and_then(since).map_or(0, |(steps, _)| steps);
+        let steps = if last > 0 { last.max(earlier) } else { 0 };
+        (steps > AT_REST).then(|| (steps, now.plus(2 * gap + STAMPING_NS)))
     }
 
     fn judge_turns(&mut self, findings: &mut Vec<Finding>) {
@@ -432,6 +444,23 @@ mod tests {
         }
         let preset = 0_u32.to_le_bytes();
         assert_eq!(raised(|told| encoder.ask_to_write(10, &preset, at(400), told)).len(), 1);
+    }
+
+    #[test]
+    fn a_shaft_that_stopped_is_at_rest() {
+        let preset = 0_u32.to_le_bytes();
+        let told = |positions: &[(i64, u32)], ms| {
+            let mut encoder = baumer();
+            for (ms, position) in positions {
+                raised(|told| encoder.hear(reading(*position, false, false), at(*ms), told));
+            }
+            raised(|told| encoder.ask_to_write(10, &preset, at(ms), told)).len()
+        };
+        // Polled every 20 ms: it stood still since the last poll but one.
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600), (60, 1600)], 65), 0);
+        // By change of state, every 20 ms while it turned: nothing came for 100 ms.
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600)], 50), 1);
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600)], 140), 0);
     }
 
     #[test]
