@@ -292,6 +292,10 @@ impl Station {
         }
         self.has_position_class |= class == baumer::ENCODER_POSITION;
         let code = self.identity.product_code;
+        let kind = code.and_then(baumer::kind_of_product);
+        if let (Some(kind), Some(bound)) = (kind, &mut self.bound) {
+            bound.watch.suppose(kind);
+        }
         let profile = code.and_then(Profile::of_product_code);
         if let (Some(profile), Some(code), None, true) =
             (profile, code, &self.bound, self.has_position_class)

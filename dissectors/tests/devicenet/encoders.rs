@@ -89,6 +89,25 @@ fn the_serial_number_tells_a_restart_from_a_second_node() {
 }
 
 #[test]
+fn the_product_code_tells_what_a_station_that_the_user_bound_can_be_set_to() {
+    // A total of 16384 steps, attribute 8: a singleturn encoder (0Bh) has 8192 (manual §4).
+    let codes = |code: &str| {
+        let answer = format!("4BB#008E{code}00");
+        let lines = [
+            (0.0, "4BC#000E010103"),
+            (1.0, &*answer),
+            (2.0, "4BC#8000102F01080040"),
+            (3.0, "4BB#80C000"),
+            (4.0, "4BC#80810000"),
+        ];
+        let told = read(encoder(), &lines);
+        told.into_iter().flat_map(|told| told.codes).collect::<Vec<_>>()
+    };
+    assert_eq!(codes("0B"), ["encoder.value-out-of-range"]);
+    assert_eq!(codes("0A"), [""; 0]);
+}
+
+#[test]
 fn stations_have_the_names_and_the_resolution_that_the_user_gives_them() {
     let axis = Station {
         name: Some("lift axis".to_owned()),

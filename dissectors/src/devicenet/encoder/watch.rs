@@ -84,6 +84,11 @@ impl Watch {
         }
     }
 
+    /// Its product code stands for this kind: attribute 95 is believed first.
+    pub fn suppose(&mut self, kind: Kind) {
+        self.kind = self.kind.or(Some(kind).filter(|_| self.is_baumer()));
+    }
+
     /// How its objects are read.
     #[must_use]
     pub const fn profile(&self) -> Profile {
