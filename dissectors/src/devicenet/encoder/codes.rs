@@ -20,7 +20,7 @@ pub static CODES: [&Code; 9] = [
     &WRITTEN,
 ];
 
-const BOUND: &str = "is the station bound to the right profile? --device STATION=baumer-encoder says so, or the product code 0Ah or 0Bh with a successful access to class 2Fh";
+const BOUND: &str = "is the station bound to the right profile? --device STATION=baumer-encoder says so, or the product code 0Ah or 0Bh with a successful access to class 2Fh or an EDS that has it";
 
 /// The encoder says that its position may be wrong.
 pub static ALARM: Code = Code {
@@ -29,7 +29,7 @@ pub static ALARM: Code = Code {
     is_cause: false,
     meaning: "The encoder says that its position may be wrong.",
     rule: "Alarm flag of assembly 2 or attribute 85, bit 0 of attribute 83: position error, the only alarm that is defined (Baumer DeviceNet manual §6, §8).",
-    evidence: "The flag as it was sent, with the time of the first and last message that had it. The encoder clears it by itself after 2.5 s: a slow poll may miss it. Assembly 1, the default, carries no flags: then nothing is known.",
+    evidence: "The flag as it was sent, with the time of the first and last message that had it. The encoder clears it by itself after 2.5 s: a slow poll may miss it. Assembly 1, the default, carries no flags: then nothing is known. Of encoders with CIP's position sensor (class 23h) only the flag is read: what it stands for is in attribute 2Ch.",
     causes: &[
         "the code disc or its scanning is dirty or damaged",
         "strong vibration, or a shaft that turns faster than allowed",
@@ -42,7 +42,7 @@ pub static ALARM: Code = Code {
         BOUND,
     ],
     cure: Cure { one: "check disc and supply", all: "check the encoders and their supply" },
-    say: |_, _, out| write!(out, "alarm: position error, the only alarm that is defined"),
+    say: |_, _, out| write!(out, "alarm: position error, the only one that Baumer defines"),
 };
 
 /// The encoder says that something is out of tolerance; its position is right.
@@ -52,11 +52,11 @@ pub static WARNING: Code = Code {
     is_cause: false,
     meaning: "The encoder says that something is out of tolerance; its position is right.",
     rule: "Warning flag of assembly 2 or attribute 88, bit 4 of attribute 86: lithium cell, the only warning that is defined (Baumer DeviceNet manual §6, §8).",
-    evidence: "The flag as it was sent. Assembly 1, the default, carries no flags: then nothing is known.",
+    evidence: "The flag as it was sent. Assembly 1, the default, carries no flags: then nothing is known. Of encoders with CIP's position sensor (class 23h) only the flag is read: what it stands for is in attribute 2Fh.",
     causes: &["the lithium cell, which counts turns while the supply is off, is empty"],
     next: &["have the cell replaced with the supply on: without both, the turns are lost", BOUND],
     cure: Cure { one: "replace the lithium cell", all: "replace the lithium cells" },
-    say: |_, _, out| write!(out, "warning: lithium cell, the only warning that is defined"),
+    say: |_, _, out| write!(out, "warning: lithium cell, the only one that Baumer defines"),
 };
 
 /// A value was written that the encoder cannot take.
