@@ -1,7 +1,7 @@
 //! I/O data of a device: its sizes, and what stands where in it.
 
 use super::parameter::Parameter;
-use crate::devicenet::cip::{Path, Target, Value};
+use crate::devicenet::cip::{DataType, Path, Target, Value};
 use alloc::collections::BTreeMap;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -168,6 +168,14 @@ impl Cell<'_> {
         };
         let bits = (1..=64).contains(&self.bits).then_some(u32::from(self.bits))?;
         let number = (0..bits).try_fold(0, |number, index| Some(number | bit(index)? << index))?;
-        Some(Value::Unsigned(number))
+        let is_signed = self.parameter.is_some_and(|known| {
+            matches!(known.kind, DataType::Sint | DataType::Int | DataType::Dint | DataType::Lint)
+        });
+        // The highest bit of fewer bits than its type has is its sign too.
+        let unused = 64 - bits;
+        Some(match is_signed {
+            true => Value::Signed((number << unused).cast_signed() >> unused),
+            false => Value::Unsigned(number),
+        })
     }
 }

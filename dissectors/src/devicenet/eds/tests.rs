@@ -170,6 +170,11 @@ fn members_of_an_assembly() {
     assert_eq!(cells[1].value(&data), Some(Value::Unsigned(1)));
     assert_eq!(cells[3].value(&data), Some(Value::Unsigned(0b10_0000)));
     assert_eq!(cells[3].content, Content::Constant(0));
+    // A DINT in twelve bits: FFFh is -1.
+    let narrow = read(&ENCODER.replace("32, Param9", "12, Param9"));
+    let cell = narrow.cells(narrow.assembly(2).unwrap()).next().unwrap();
+    assert_eq!(cell.value(&[0xFF, 0x7F]), Some(Value::Signed(-1)));
+    assert_eq!(cell.value(&[0xFF, 0x77]), Some(Value::Signed(0x7FF)));
     assert_eq!(cells[3].value(&data[..4]), None);
     assert!(eds.assembly(1).is_none());
 }
