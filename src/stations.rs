@@ -127,7 +127,7 @@ mod tests {
     fn what_cannot_be_is_said_with_its_place() {
         for (text, what) in [
             ("[station.x]\n", "a station is a number"),
-            ("[station.1]\nsingleturn_bits = 20\nmultiturn_bits = 9\n", "at most 28 in all"),
+            ("[station.1]\nsingleturn_bits = 20\nmultiturn_bits = 10\n", "at most 29 in all"),
             ("[station.1]\nmultiturn_bits = 12\n", "without singleturn_bits"),
             ("[station.1]\nbits = 12\n", "unknown field `bits`"),
             ("[station.1\n", "not understood"),

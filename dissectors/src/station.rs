@@ -1,6 +1,7 @@
 //! What the user knows of the stations on a bus.
 
 use alloc::{collections::BTreeMap, string::String};
+use core::fmt;
 
 /// Stations by SLIN address, MAC ID or device number.
 pub type Stations = BTreeMap<u16, Station>;
@@ -14,8 +15,9 @@ pub struct Station {
     pub resolution: Option<Resolution>,
 }
 
-/// Most bits a position can have: four data words of seven bits.
-pub const MAX_POSITION_BITS: u8 = 28;
+/// Most bits a position can have: 13 and 16 of encoders on DeviceNet. The four data words of SLIN hold
+/// 28.
+pub const MAX_POSITION_BITS: u8 = 29;
 
 /// How a position divides into turns and an angle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -82,6 +84,12 @@ impl Resolution {
         self.has(position).then(|| f64::from(step) * 360.0 / f64::from(self.steps_per_turn()))
     }
 
+    /// A position as a sentence goes on behind it: `= 3 turns 90.000°`.
+    #[must_use]
+    pub const fn place(self, position: u32) -> Place {
+        Place { resolution: self, position }
+    }
+
     /// Whether this resolution has such a position.
     #[must_use]
     pub const fn has(self, position: u32) -> bool {
@@ -89,9 +97,31 @@ impl Resolution {
     }
 }
 
+/// Where a shaft stands.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    resolution: Resolution,
+    position: u32,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Place { resolution, position } = *self;
+        let Some(angle) = resolution.angle(position) else {
+            return write!(out, "(more bits than --stations says)");
+        };
+        match resolution.turns(position) {
+            Some(1) => write!(out, "= 1 turn {angle:.3}°"),
+            Some(turns) => write!(out, "= {turns} turns {angle:.3}°"),
+            None => write!(out, "= {angle:.3}°"),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::string::ToString;
 
     #[test]
     fn a_position_divides_into_turns_and_angle() {
@@ -103,7 +133,9 @@ mod tests {
         let mirrored = Resolution::new(13, 12, Direction::CounterClockwise).unwrap();
         assert_eq!((mirrored.turns(26_624), mirrored.angle(26_624)), (Some(4092), Some(270.0)));
         assert_eq!((mirrored.turns(0), mirrored.angle(0)), (Some(0), Some(0.0)));
+        assert_eq!(resolution.place(26_624).to_string(), "= 3 turns 90.000°");
         // 2^25 has a bit more.
+        assert_eq!(resolution.place(1 << 25).to_string(), "(more bits than --stations says)");
         assert_eq!((resolution.turns(1 << 25), resolution.angle(1 << 25)), (None, None));
     }
 
@@ -111,11 +143,12 @@ mod tests {
     fn a_single_turn_encoder_has_no_turns() {
         let resolution = Resolution::new(13, 0, Direction::Clockwise).unwrap();
         assert_eq!((resolution.turns(8191), resolution.positions()), (None, 8192));
+        assert_eq!(resolution.place(4096).to_string(), "= 180.000°");
     }
 
     #[test]
     fn impossible_resolutions_are_refused() {
-        for (single, multi) in [(0, 12), (29, 0), (13, 16), (255, 255)] {
+        for (single, multi) in [(0, 12), (30, 0), (13, 17), (255, 255)] {
             assert_eq!(Resolution::new(single, multi, Direction::Clockwise), None);
         }
     }

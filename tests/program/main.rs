@@ -3,6 +3,7 @@
 mod can;
 mod captures;
 mod conversions;
+mod devices;
 mod endings;
 mod harness;
 mod live;

@@ -82,6 +82,8 @@ pub(super) struct Mark {
 pub(super) struct Flow {
     /// Connection size in bytes, once it was read.
     pub size: Option<u16>,
+    /// The assembly that it carries, once its path was read or written.
+    pub assembly: Option<u16>,
     /// The last message, unless something was lost since.
     pub last: Option<Mark>,
     /// Whether any message carried data.

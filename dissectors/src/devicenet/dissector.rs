@@ -7,6 +7,7 @@ use super::encoders::Encoders;
 use super::identifier::{MacId, Port};
 use super::layer::{Bytes, Facts, Link, Message, kind};
 use super::ledger::{Ledger, Now, is_foreign};
+use super::members::{LaidOut, carried};
 use super::names::Names;
 use super::{PROTOCOL, Settings};
 use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
@@ -15,6 +16,7 @@ use crate::finding::Finding;
 use crate::measure::Measurement;
 use crate::protocol::{self, Conclusion, Dissector};
 use crate::record::{BusInfo, Output, Record};
+use crate::station::Stations;
 use crate::uart::Wire;
 use alloc::vec::Vec;
 
@@ -24,6 +26,7 @@ pub struct DeviceNet {
     watch: Watch,
     ledger: Ledger,
     encoders: Encoders,
+    stations: Stations,
     /// The last stamp that was told, and its ±.
     last: (Moment, u32),
     at_end: Vec<Finding>,
@@ -37,7 +40,8 @@ impl DeviceNet {
             wire,
             watch: Watch::new(wire),
             ledger: Ledger::new(wire, settings.devicenet),
-            encoders: Encoders::new(&settings.devices, &settings.eds),
+            encoders: Encoders::new(settings),
+            stations: settings.stations.clone(),
             last: (Moment::UNKNOWN, 0),
             at_end: Vec::new(),
         }
@@ -87,7 +91,10 @@ impl DeviceNet {
     }
 
     fn look(&mut self, now: &Now<'_>) -> Facts {
-        let facts = self.ledger.look(now);
+        let mut facts = self.ledger.look(now);
+        if let Some(eds) = self.encoders.eds(facts.station) {
+            self.ledger.judge_by_description(now, &mut facts, eds);
+        }
         if now.frame.is_cut() {
             // The frame on the wire was longer: what is missing is not its sender's fault.
             let blamed = [&codes::MALFORMED, &codes::SIZE_MISMATCH, &codes::FRAGMENT_SEQUENCE];
@@ -136,13 +143,16 @@ impl DeviceNet {
             profile: self.encoders.profile(facts.station),
             eds: self.encoders.eds(facts.station),
         };
+        let laid_out = io.and_then(|io| self.laid_out(&facts, io));
         let message = Message {
             frame: FrameFields::new(Some(frame)),
             data,
             value: facts.value(data, &names),
             io,
             reading,
+            laid_out,
             names,
+            stations: &self.stations,
             fragments: assembly(facts.completes).map_or(&[], |it| it.numbers()),
             facts,
         };
@@ -155,6 +165,14 @@ impl DeviceNet {
         record.withheld = &self.ledger.judgement.withheld;
         record.ongoing = &self.ledger.judgement.ongoing;
         out.emit(record);
+    }
+
+    /// What I/O data is by the maker's description of its station.
+    fn laid_out<'a>(&'a self, facts: &Facts, data: &'a [u8]) -> Option<LaidOut<'a>> {
+        let eds = self.encoders.eds(facts.station)?;
+        let (slave, instance, direction, mode) = carried(facts)?;
+        let assembly = self.ledger.assembly_of((slave, instance, direction));
+        LaidOut::of(eds, (direction, mode), assembly, data)
     }
 
     /// Tells what was due before `now`.
@@ -207,7 +225,9 @@ impl DeviceNet {
             value: None,
             io: None,
             reading: None,
+            laid_out: None,
             names: Names::default(),
+            stations: &self.stations,
             fragments: &[],
         };
         let findings = &self.ledger.judgement.findings;

@@ -3,17 +3,19 @@
 //! A profile is bound by the user, by the product code together with a successful access to the
 //! profile's class, or by an EDS. Nothing is read as an encoder's that is not bound.
 
-use super::cip::class as object;
+use super::cip::service::GET_ATTRIBUTES_ALL;
+use super::cip::{DeviceIdentity, Path, class as object};
 use super::codes;
 use super::eds::{self, Eds};
 use super::encoder::codes as encoder_codes;
-use super::encoder::{Assembly, Devices, Led, NodeState, Profile, Reading, Watch, baumer};
+use super::encoder::{Assembly, Led, NodeState, Profile, Reading, Watch, baumer};
 use super::identifier::{MAC_IDS, MacId};
 use super::layer::{Facts, kind};
 use super::message::{Service, Target, service};
 use crate::event::Moment;
 use crate::finding::Finding;
-use crate::protocol::Conclusion;
+use crate::protocol::{Conclusion, Settings};
+use crate::station::Resolution;
 use alloc::vec::Vec;
 use alloc::{borrow::ToOwned, boxed::Box, format, string::String, string::ToString, sync::Arc};
 
@@ -23,8 +25,9 @@ const ASSEMBLY_DATA: u16 = 3;
 /// The attribute of a connection that says what it produces.
 const PRODUCED_PATH: u16 = 14;
 
-/// Bytes of a Set request that are kept until its answer comes.
-const KEPT: usize = 8;
+/// Why a station has two LEDs: the one that is on line stays there (manual §9.2; CIP Vol. 3,
+/// chapter 6).
+const DOUBLED: &str = "its MAC ID is assigned twice: the node that came second stays off line";
 
 /// What is known of each station as a device.
 pub(super) struct Encoders {
@@ -35,13 +38,13 @@ pub(super) struct Encoders {
 #[derive(Clone, Default)]
 struct Station {
     identity: Identity,
+    /// Positions that it has, as the user says.
+    positions: Option<u32>,
     /// The position class answered.
     has_position_class: bool,
     bound: Option<Box<Bound>>,
     /// Where its description is in the list of files.
     eds: Option<usize>,
-    /// The Set request that waits for its answer.
-    set: Option<(Target, [u8; KEPT], usize)>,
     /// When it last produced by change of state.
     produced: Moment,
     /// Another node has its MAC ID.
@@ -56,7 +59,7 @@ struct Bound {
 }
 
 /// What the Identity object told: vendor, device type, product code, major revision.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
 struct Identity {
     vendor: Option<u16>,
     device_type: Option<u16>,
@@ -64,15 +67,38 @@ struct Identity {
     major_revision: Option<u8>,
 }
 
+impl Identity {
+    /// Takes what an answer of the Identity object tells.
+    fn learn(&mut self, code: u8, attribute: Option<u16>, data: &[u8]) {
+        match (code, attribute, data) {
+            (service::GET, Some(1), [low, high]) => self.vendor = Some(word(*low, *high)),
+            (service::GET, Some(2), [low, high]) => self.device_type = Some(word(*low, *high)),
+            (service::GET, Some(3), [low, high]) => self.product_code = Some(word(*low, *high)),
+            (service::GET, Some(4), [major, _]) => self.major_revision = Some(*major & 0x7F),
+            (GET_ATTRIBUTES_ALL, ..) => {
+                let Ok((_, all)) = DeviceIdentity::parse(data) else { return };
+                (self.vendor, self.device_type) = (Some(all.vendor), Some(all.device_type));
+                self.product_code = Some(all.product_code);
+                self.major_revision = Some(all.revision.major);
+            }
+            _ => {}
+        }
+    }
+}
+
 impl Encoders {
-    pub fn new(devices: &Devices, files: &Arc<[Eds]>) -> Self {
+    pub fn new(settings: &Settings) -> Self {
         let mut stations = alloc::vec![Station::default(); MAC_IDS];
-        for (station, profile) in devices {
+        for (number, station) in (0..).zip(&mut stations) {
+            let resolution = settings.stations.get(&number).and_then(|known| known.resolution);
+            station.positions = resolution.map(Resolution::positions);
+        }
+        for (station, profile) in &settings.devices {
             if let Some(station) = stations.get_mut(usize::from(*station)) {
                 station.bind(*profile, "--device says so".to_owned());
             }
         }
-        Encoders { stations, files: Arc::clone(files) }
+        Encoders { stations, files: Arc::clone(&settings.eds) }
     }
 
     /// How the objects of a station are read.
@@ -118,13 +144,12 @@ impl Encoders {
         }
         let is_whole = facts.fragment.is_none_or(|_| facts.completes.is_some());
         if let (Some(asked), true) = (facts.service, is_whole) {
-            match asked.is_response {
-                false => {
-                    station.asked(asked, facts.target, data.unwrap_or_default(), now, findings)
-                }
-                true if facts.error.is_some() => station.set = None,
-                true => {
-                    station.answered(asked, facts.target, data.unwrap_or_default(), now, findings);
+            if !asked.is_response {
+                station.asked(asked, facts.target, data.unwrap_or_default(), now, findings);
+            } else if facts.error.is_none() {
+                let before = station.identity;
+                station.answered(asked, facts, data.unwrap_or_default(), now, findings);
+                if station.identity != before {
                     station.describe(&self.files);
                 }
             }
@@ -139,7 +164,7 @@ impl Encoders {
     /// What was lost may have been anything.
     pub fn lose(&mut self) {
         for station in &mut self.stations {
-            (station.set, station.produced) = (None, Moment::UNKNOWN);
+            station.produced = Moment::UNKNOWN;
             if let Some(bound) = &mut station.bound {
                 bound.watch.interrupt();
             }
@@ -151,16 +176,32 @@ impl Encoders {
     pub fn conclusions(&self, state: impl Fn(MacId) -> NodeState) -> Vec<Conclusion> {
         let mut all = Vec::new();
         for (number, station) in (0..).zip(&self.stations) {
-            let Some(bound) = &station.bound else { continue };
             let mut conclude = |subject, value: &str, evidence: &str| {
                 let (value, evidence) = (Some(value.to_owned()), evidence.to_owned());
                 all.push(Conclusion { subject, station: Some(number), value, evidence });
             };
+            if let Some(eds) = station.eds.and_then(|place| self.files.get(place)) {
+                conclude("EDS", &eds.device.product_name, "vendor and product as the device says");
+            }
+            let Some(bound) = &station.bound else { continue };
             conclude("device", bound.watch.profile().name(), &bound.evidence);
             let mac = MacId::new(number as u8);
-            let state = mac.map_or(NodeState::Absent, &state);
-            let led = Led::of(if station.is_doubled { NodeState::Faulted } else { state });
-            conclude("DUO LED", &led.to_string(), led.meaning());
+            let led = Led::of(mac.map_or(NodeState::Absent, &state));
+            match station.is_doubled {
+                true => conclude("DUO LED", &format!("{led}, red at the second node"), DOUBLED),
+                false => conclude("DUO LED", &led.to_string(), led.meaning()),
+            }
+            let mut unsaved = bound.watch.unsaved().peekable();
+            if unsaved.peek().is_some() {
+                let names: Vec<&str> = unsaved.collect();
+                conclude("not saved", &names.join(", "), "written or reset, and no Save since");
+            }
+        }
+        let is_used = |place| self.stations.iter().any(|station| station.eds == Some(place));
+        for (_, file) in self.files.iter().enumerate().filter(|(place, _)| !is_used(*place)) {
+            let value = format!("{} of no station", file.device.product_name);
+            let evidence = "nobody told its vendor, product code, type and revision".to_owned();
+            all.push(Conclusion { subject: "EDS", station: None, value: Some(value), evidence });
         }
         all
     }
@@ -169,11 +210,12 @@ impl Encoders {
 impl Station {
     fn bind(&mut self, profile: Profile, evidence: String) {
         let kind = self.identity.product_code.and_then(baumer::kind_of_product);
-        self.bound = Some(Box::new(Bound { watch: Watch::new(profile, kind), evidence }));
+        self.bound =
+            Some(Box::new(Bound { watch: Watch::new(profile, kind, self.positions), evidence }));
     }
 
     fn restart(&mut self) -> Option<Finding> {
-        (self.set, self.produced, self.is_doubled) = (None, Moment::UNKNOWN, false);
+        (self.produced, self.is_doubled) = (Moment::UNKNOWN, false);
         self.bound.as_mut()?.watch.restart()
     }
 
@@ -185,14 +227,8 @@ impl Station {
         now: Moment,
         findings: &mut Vec<Finding>,
     ) {
-        self.set = None;
         if asked.code != service::SET {
             return;
-        }
-        if let Some(kept) = data.get(..data.len().min(KEPT)) {
-            let mut bytes = [0; KEPT];
-            bytes[..kept.len()].copy_from_slice(kept);
-            self.set = Some((target, bytes, kept.len()));
         }
         if let (Some(attribute), Some(bound)) = (self.position_attribute(target), &mut self.bound) {
             bound.watch.ask_to_write(attribute, data, now, findings);
@@ -202,18 +238,18 @@ impl Station {
     fn answered(
         &mut self,
         answered: Service,
-        target: Target,
+        facts: &Facts,
         data: &[u8],
         now: Moment,
         findings: &mut Vec<Finding>,
     ) {
+        let target = facts.target;
         self.learn(answered, target, data);
-        let set = self.set.take().filter(|(asked, ..)| *asked == target);
         let attribute = self.position_attribute(target);
         let Some(bound) = &mut self.bound else { return };
         let is_object =
             |class, attribute| target.class == Some(class) && target.attribute == Some(attribute);
-        match (answered.code, attribute, set) {
+        match (answered.code, attribute, facts.written) {
             (service::GET, Some(attribute), _) => bound.watch.read(attribute, data, now, findings),
             (service::GET, None, _) if is_object(object::ASSEMBLY, ASSEMBLY_DATA) => {
                 let assembly = target.instance.and_then(|it| bound.watch.profile().assembly(it));
@@ -223,11 +259,14 @@ impl Station {
                 }
             }
             // It selects the assembly, and is saved at once.
-            (service::SET, None, Some(_)) if is_object(object::CONNECTION, PRODUCED_PATH) => {
-                findings.push(Finding::new(&encoder_codes::WRITTEN));
+            (service::SET, None, Some(path)) if is_object(object::CONNECTION, PRODUCED_PATH) => {
+                let mut written = Finding::new(&encoder_codes::WRITTEN);
+                let assembly = Path::parse(path.bytes()).and_then(Path::assembly);
+                written.actual = assembly.map(i64::from);
+                findings.push(written);
             }
-            (service::SET, Some(attribute), Some((_, bytes, length))) => {
-                bound.watch.write(attribute, &bytes[..length], findings);
+            (service::SET, Some(attribute), Some(written)) => {
+                bound.watch.write(attribute, written.bytes(), findings);
             }
             (code, ..) => {
                 let command = target.class.and_then(|class| baumer::Command::of(class, code));
@@ -248,18 +287,15 @@ impl Station {
     /// Takes what an answer tells of the device itself.
     fn learn(&mut self, answered: Service, target: Target, data: &[u8]) {
         let Target { class: Some(class), instance: Some(1), attribute } = target else { return };
-        if class == object::IDENTITY && answered.code == service::GET {
-            let identity = &mut self.identity;
-            match (attribute, data) {
-                (Some(1), [low, high]) => identity.vendor = Some(word(*low, *high)),
-                (Some(2), [low, high]) => identity.device_type = Some(word(*low, *high)),
-                (Some(3), [low, high]) => identity.product_code = Some(word(*low, *high)),
-                (Some(4), [major, _]) => identity.major_revision = Some(*major & 0x7F),
-                _ => {}
-            }
+        if class == object::IDENTITY {
+            self.identity.learn(answered.code, attribute, data);
         }
         self.has_position_class |= class == baumer::ENCODER_POSITION;
         let code = self.identity.product_code;
+        let kind = code.and_then(baumer::kind_of_product);
+        if let (Some(kind), Some(bound)) = (kind, &mut self.bound) {
+            bound.watch.suppose(kind);
+        }
         let profile = code.and_then(Profile::of_product_code);
         if let (Some(profile), Some(code), None, true) =
             (profile, code, &self.bound, self.has_position_class)
@@ -268,20 +304,19 @@ impl Station {
         }
     }
 
-    /// Finds the maker's description, once the identity is known.
+    /// Finds the maker's description, as far as the identity is known.
     fn describe(&mut self, files: &[Eds]) {
-        if files.is_empty() || self.eds.is_some() {
-            return;
-        }
         let Identity { vendor, device_type, product_code, major_revision } = self.identity;
-        let known = vendor.zip(device_type).zip(product_code).zip(major_revision);
-        let Some((((vendor, device_type), product_code), major_revision)) = known else { return };
+        let Some((vendor, product_code)) = vendor.zip(product_code) else { return };
         let identity = eds::Identity { vendor, device_type, product_code, major_revision };
-        self.eds = files.iter().position(|file| file.describes(&identity));
+        self.eds = eds::find(files, &identity);
         let file = self.eds.and_then(|place| files.get(place));
-        if file.is_some_and(|file| file.has_class(baumer::ENCODER_POSITION)) && self.bound.is_none()
+        let profile = Profile::of_product_code(product_code);
+        if let (Some(profile), Some(true), None) =
+            (profile, file.map(|file| file.has_class(baumer::ENCODER_POSITION)), &self.bound)
         {
-            self.bind(Profile::BaumerEncoder, "its EDS has class 2Fh".to_owned());
+            let evidence = format!("product code {product_code} and an EDS with class 2Fh");
+            self.bind(profile, evidence);
         }
     }
 

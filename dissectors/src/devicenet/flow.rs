@@ -3,10 +3,12 @@
 use super::codes;
 use super::connection::{Connection, Direction, Flow, Habit, Instance, State as Stands};
 use super::defect::Defect;
+use super::eds::Eds;
 use super::fragment::{Key, Step};
 use super::identifier::MacId;
 use super::layer::{Assumed, Bytes, Facts};
 use super::ledger::{Judgement, Ledger, Now};
+use super::members::{carried, default, formats};
 use super::message::{Fragment, Part};
 use super::timing::Verdict;
 use crate::event::Moment;
@@ -56,6 +58,49 @@ impl Piece {
 }
 
 impl Ledger {
+    /// The assembly that a connection carries, where its path was read or written.
+    pub fn assembly_of(&self, (slave, instance, direction): At) -> Option<u16> {
+        let connection = &self.nodes[slave.index()].connections[instance.index()];
+        match direction {
+            Direction::Produced => connection.produced.assembly,
+            Direction::Consumed => connection.consumed.assembly,
+        }
+    }
+
+    /// Judges the size of a message by the maker's description, where the capture did not show the
+    /// connection's own. Files list several formats, and which of them is used is set up elsewhere:
+    /// only data that fits none is wrong. Where any goes in fragments, so may the frame.
+    pub fn judge_by_description(&mut self, now: &Now<'_>, facts: &mut Facts, eds: &Eds) {
+        let Some((slave, instance, direction, mode)) = carried(facts) else { return };
+        let Some(at) = facts.io.filter(|_| !now.frame.is_cut()) else { return };
+        let assembly = at.assembly.and_then(|place| self.assemblies.get(place));
+        let length = assembly.map_or(now.data.len(), |assembly| assembly.data().len());
+        let connection = self.nodes[slave.index()].connection(instance);
+        let is_judged = connection.is_judged();
+        let flow = connection.flow(direction);
+        let mut listed = Listed::default();
+        default(eds, direction, mode).into_iter().for_each(|format| listed.take(format.size));
+        formats(eds, direction).for_each(|format| listed.take(format.size));
+        let may_be_part = assembly.is_none() && listed.largest > MAX_FRAME;
+        let Some(usual) = listed.first.filter(|_| is_judged && !may_be_part) else { return };
+        if flow.size.is_some() {
+            return;
+        }
+        let is_size = |size: u16| usize::from(size) == length;
+        let fits = formats(eds, direction).any(|format| is_size(format.size))
+            || eds.assemblies().any(|assembly| assembly.size.is_some_and(is_size));
+        if fits {
+            if let Some((_, since)) = flow.wrong.take() {
+                self.judgement.end(&codes::SIZE_MISMATCH, since, now.mark.start);
+            }
+        } else if flow.wrong.is_none_or(|(other, _)| other != length) {
+            flow.wrong = Some((length, now.mark.start));
+            facts.assumed.add(Assumed::SIZE);
+            let finding = Finding::new(&codes::SIZE_MISMATCH).state(State::Begin);
+            self.judgement.find(finding.expected(i64::from(usual)).actual(length as i64));
+        }
+    }
+
     /// Shows the data of a frame that is a whole message.
     pub fn show(&self, now: &Now<'_>, facts: &mut Facts) {
         facts.io = (!now.data.is_empty()).then_some(Bytes { assembly: None, start: 0 });
@@ -215,6 +260,20 @@ impl Ledger {
             }
         }
         self.wait(Some(slave), now.mark.start.plus(limit));
+    }
+}
+
+/// Sizes that a maker lists; 0 is none.
+#[derive(Clone, Copy, Default)]
+struct Listed {
+    first: Option<u16>,
+    largest: u16,
+}
+
+impl Listed {
+    fn take(&mut self, size: u16) {
+        self.first = self.first.or((size > 0).then_some(size));
+        self.largest = self.largest.max(size);
     }
 }
 

@@ -5,11 +5,14 @@ use super::cip::{self, class};
 use super::defect::Defect;
 use super::encoder::{Assembly, Flags, Reading};
 use super::identifier::{MacId, Place};
+use super::members::{LaidOut, MEMBER_FIELDS};
 use super::message::{Fragment, Identity, Service, Target, service};
-use super::names::{self, Names};
+use super::names::Names;
+use super::transactions::Kept;
 use crate::can::{self, FrameFields};
 use crate::field::{Field, FieldId, Kind, List, Value, fields, joined};
 use crate::record::Turn;
+use crate::station::{Resolution, Station, Stations};
 
 /// The kinds of records.
 pub(super) mod kind {
@@ -156,6 +159,8 @@ pub(super) struct Facts {
     pub service: Option<Service>,
     pub target: Target,
     pub data: Option<Bytes>,
+    /// On the answer to a Set that was done: what was written.
+    pub written: Option<Kept>,
     pub error: Option<(u8, u8)>,
     pub allocation: Option<Allocation>,
     pub body_format: Option<u8>,
@@ -186,6 +191,7 @@ impl Facts {
             service: None,
             target: Target { class: None, instance: None, attribute: None },
             data: None,
+            written: None,
             error: None,
             allocation: None,
             body_format: None,
@@ -216,8 +222,12 @@ pub(super) struct Message<'a> {
     pub io: Option<&'a [u8]>,
     /// What the I/O data of an encoder says.
     pub reading: Option<(Assembly, Reading)>,
+    /// What the maker's description says that the I/O data is.
+    pub laid_out: Option<LaidOut<'a>>,
     /// How the station's objects are read.
     pub names: Names<'a>,
+    /// What the user knows of the stations.
+    pub stations: &'a Stations,
     /// Numbers of the records that make up the message.
     pub fragments: &'a [u64],
 }
@@ -246,6 +256,8 @@ fields! {
             => |t| t.facts.place.map(|place| i64::from(place.message_id)).into();
         "devicenet.mac" (MAC, "", Plain) "MAC ID in the identifier, of source or destination"
             => |t| mac(t.facts.place.and_then(|place| place.mac));
+        "devicenet.name" (Kind::Text, "", Plain) "name of the station (with --stations)"
+            => |t| t.name().into();
         "devicenet.source" (MAC, "", Source) "MAC ID of who sent it, where that is known"
             => |t| mac(t.facts.source);
         "devicenet.destination" (MAC, "", Destination)
@@ -298,7 +310,7 @@ fields! {
             "additional status of an error response; 255: none"
             => |t| t.facts.error.map(|(_, additional)| i64::from(additional)).into();
         "devicenet.error.name" (Kind::Text, "", Plain) "what the general status means"
-            => |t| t.facts.error.map(|(general, _)| names::status(general)).into();
+            => |t| t.facts.error.map(|(general, _)| cip::status_name(general)).into();
         "devicenet.allocation.choice" (BYTE, "", Plain) "allocation or release choice"
             => |t| t.facts.allocation.map(|it| i64::from(it.choice.byte())).into();
         "devicenet.allocation.connections" (Kind::List(&Kind::OneOf(&LINKS)), "", Plain)
@@ -326,12 +338,28 @@ fields! {
         "devicenet.io.position" (Kind::Int(0, 4_294_967_295), "steps", Position)
             "position of an encoder whose profile is known"
             => |t| t.reading.map(|(_, reading)| i64::from(reading.position)).into();
+        "devicenet.io.turns" (Kind::Int(0, 4_294_967_295), "turns", Plain)
+            "whole turns, clockwise (with --stations)"
+            => |t| t.place().and_then(|(it, position)| it.turns(position)).map(i64::from).into();
+        "devicenet.io.angle" (Kind::Float, "degrees", Plain)
+            "angle within the turn, clockwise (with --stations)"
+            => |t| t.place()
+                .and_then(|(it, position)| it.angle(position))
+                .map_or(Value::Absent, Value::Float);
         "devicenet.io.alarm" (Kind::Bool, "", Plain) "alarm flag, where the assembly has one"
             => |t| t.flag(Flags::alarm);
         "devicenet.io.warning" (Kind::Bool, "", Plain) "warning flag, where the assembly has one"
             => |t| t.flag(Flags::warning);
         "devicenet.io.assembly" (WORD, "", Plain) "assembly instance, by the size of the data"
             => |t| t.reading.map(|(assembly, _)| i64::from(assembly.instance())).into();
+        "devicenet.io.name" (Kind::Text, "", Plain) "what the EDS calls the data"
+            => |t| t.laid_out.map(|it| it.name).filter(|name| !name.is_empty()).into();
+        "devicenet.io.members" (Kind::Rows(&MEMBER_FIELDS), "", Plain)
+            "what stands in the data, by the EDS"
+            => |t| t.laid_out
+                .as_ref()
+                .and_then(|it| it.members.as_ref())
+                .map_or(Value::Absent, |members| Value::Rows(members));
         "devicenet.io.data" (Kind::Hex, "", Plain) "I/O data of which nothing else is known"
             => |t| t.io
                 .filter(|_| t.reading.is_none())
@@ -362,6 +390,13 @@ impl Facts {
     /// What the data means: a value that was read or is to be written.
     pub fn value<'a>(&self, data: Option<&'a [u8]>, names: &Names<'_>) -> Option<cip::Value<'a>> {
         let Service { code, is_response } = self.service?;
+        if code == cip::service::GET_ATTRIBUTES_ALL
+            && is_response
+            && self.target.is(class::IDENTITY, 1)
+        {
+            let (_, identity) = cip::DeviceIdentity::parse(data?).ok()?;
+            return Some(cip::Value::Identity(identity));
+        }
         let carries = matches!((code, is_response), (service::GET, true) | (service::SET, false));
         let data = data.filter(|_| carries)?;
         names.decode(self.target, data)
@@ -373,10 +408,24 @@ impl Message<'_> {
         let code = self.facts.service?.code;
         match self.facts.kind {
             kind::UCMM_REQUEST | kind::UCMM_RESPONSE | kind::HEARTBEAT | kind::SHUTDOWN => {
-                names::unconnected_service(code)
+                cip::unconnected_service_name(code)
             }
-            _ => names::service(code, self.facts.target.class),
+            _ => cip::service_name(code, self.facts.target.class),
         }
+    }
+
+    /// What the user calls the record's station.
+    pub fn name(&self) -> Option<&str> {
+        self.station()?.name.as_deref()
+    }
+
+    fn station(&self) -> Option<&Station> {
+        self.stations.get(&self.facts.station?.get().into())
+    }
+
+    /// The position of an encoder whose resolution the user knows.
+    pub fn place(&self) -> Option<(Resolution, u32)> {
+        self.station()?.resolution.zip(self.reading.map(|(_, reading)| reading.position))
     }
 
     fn attribute_name(&self) -> Option<&str> {

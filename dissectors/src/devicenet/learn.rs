@@ -1,6 +1,8 @@
 //! What answers tell about connections: allocated, released, read and written.
 
 use super::allocation::{self, Choice};
+use super::cip::service::GET_ATTRIBUTES_ALL;
+use super::cip::{DeviceIdentity, Path, class};
 use super::codes;
 use super::connection::{CONNECTIONS, Connection, Direction, Habit, Instance, State as Stands};
 use super::defect::Defect;
@@ -55,6 +57,10 @@ pub(super) fn judge_answer(request: &Request, body: &[u8]) -> Option<Defect> {
         Ordering::Equal => None,
         Ordering::Greater => Some(Defect::Excess),
     }
+}
+
+fn assembly(path: &[u8]) -> Option<u16> {
+    Path::parse(path).and_then(Path::assembly)
 }
 
 impl Ledger {
@@ -162,10 +168,33 @@ impl Ledger {
             (Some(service::DELETE), Some(CONNECTION), Some(instance)) => {
                 self.release(now, slave, CHOICES[instance.index()]);
             }
+            (Some(code), Some(class::IDENTITY), Some(_)) if target.instance == Some(1) => {
+                self.identified(slave, code, target.attribute, body);
+            }
             (Some(code), Some(ACKNOWLEDGE_HANDLER), _) if target.attribute == Some(1) => {
                 let value = if code == service::GET { body } else { request.data() };
                 if let ([low, high], service::GET | service::SET) = (value, code) {
                     self.node(slave).acknowledge_timer = Some(u16::from_le_bytes([*low, *high]));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// What the Identity object says of the numbers that the duplicate MAC ID check has too.
+    fn identified(&mut self, slave: MacId, code: u8, attribute: Option<u16>, body: &[u8]) {
+        let node = self.node(slave);
+        match (code, attribute, body) {
+            (service::GET, Some(1), [low, high]) => {
+                node.tell_identity(Some(u16::from_le_bytes([*low, *high])), None);
+            }
+            (service::GET, Some(6), [a, b, c, d]) => {
+                node.tell_identity(None, Some(u32::from_le_bytes([*a, *b, *c, *d])));
+            }
+            (GET_ATTRIBUTES_ALL, ..) => {
+                if let Ok((_, DeviceIdentity { vendor, serial, .. })) = DeviceIdentity::parse(body)
+                {
+                    node.tell_identity(Some(vendor), Some(serial));
                 }
             }
             _ => {}
@@ -216,6 +245,8 @@ impl Ledger {
             (attribute::TRANSPORT, [transport]) => connection.is_mute = transport & 0x0F == 0,
             (attribute::WATCHDOG, [action]) => connection.watchdog = Some(*action),
             (attribute::MULTIPLIER, [code]) => connection.multiplier = *code,
+            (attribute::PRODUCED_PATH, path) => connection.produced.assembly = assembly(path),
+            (attribute::CONSUMED_PATH, path) => connection.consumed.assembly = assembly(path),
             (_, [low, high]) => {
                 let word = Some(u16::from_le_bytes([*low, *high]));
                 match attribute {

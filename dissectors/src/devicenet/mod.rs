@@ -38,6 +38,7 @@ mod layer;
 mod learn;
 mod ledger;
 mod management;
+mod members;
 pub mod message;
 mod names;
 mod node;

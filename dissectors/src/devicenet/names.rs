@@ -1,4 +1,5 @@
-//! What the numbers of a message are called: the one place where messages ask the tables.
+//! What the objects of a station are called, and how their values read: by its maker, its profile,
+//! or CIP.
 
 use super::cip;
 use super::eds::{Eds, Parameter};
@@ -95,22 +96,4 @@ impl fmt::Display for InWords<'_, '_> {
             (None, None) => self.value.fmt(out),
         }
     }
-}
-
-/// A service of a class.
-#[must_use]
-pub fn service(code: u8, class: Option<u16>) -> Option<&'static str> {
-    cip::service_name(code, class)
-}
-
-/// A service of the unconnected ports, and what a node says unasked.
-#[must_use]
-pub const fn unconnected_service(code: u8) -> Option<&'static str> {
-    cip::unconnected_service_name(code)
-}
-
-/// A general status code.
-#[must_use]
-pub fn status(general: u8) -> &'static str {
-    cip::status_name(general)
 }

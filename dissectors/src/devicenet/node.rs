@@ -67,6 +67,8 @@ pub(super) struct Node {
     pub identity: Option<Identity>,
     /// When it told them last.
     pub identified: Moment,
+    /// Vendor and serial number as its Identity object told them, one after the other.
+    pub told: (Option<u16>, Option<u32>),
     /// When it last sent anything but a duplicate MAC ID check; unknown if never.
     pub heard: Moment,
     /// Error frames on the bus when it last sent anything.
@@ -164,6 +166,15 @@ impl Node {
         let is_first = !self.knows_client(client, xid);
         self.heard_clients[usize::from(xid)] |= client.bit();
         is_first
+    }
+
+    /// Takes what its Identity object told. A duplicate MAC ID check says the same numbers, and is
+    /// believed first.
+    pub fn tell_identity(&mut self, vendor: Option<u16>, serial: Option<u32>) {
+        self.told = (vendor.or(self.told.0), serial.or(self.told.1));
+        if let (None, (Some(vendor), Some(serial))) = (self.identity, self.told) {
+            self.identity = Some(Identity { vendor, serial });
+        }
     }
 
     /// Its connections are as after power-on.

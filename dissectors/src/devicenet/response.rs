@@ -157,7 +157,8 @@ impl Ledger {
                     self.release(now, channel.server, released.choice);
                 }
             }
-            _ => {
+            (_, code) => {
+                facts.written = (code == Some(service::SET)).then_some(request.data);
                 facts.blame(judge_answer(&request, body));
                 self.learn(now, channel.server, (&request, body));
             }

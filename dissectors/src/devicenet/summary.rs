@@ -3,6 +3,7 @@
 use super::cip::Refusal;
 use super::identifier::MacId;
 use super::layer::{Link, Message, kind};
+use super::members::LaidOut;
 use super::message::{Fragment, Identity, Part, service};
 use crate::can;
 use crate::field::{FieldId, Value};
@@ -33,17 +34,24 @@ impl Layer for Message<'_> {
 }
 
 impl Message<'_> {
+    /// The record's station has its name beside its number. Others have not: what was said matters
+    /// more, and a line is short.
+    fn who(&self, mac: Option<MacId>) -> Who<'_> {
+        let is_station = mac.is_some() && mac == self.facts.station;
+        Who { mac, name: self.name().filter(|_| is_station) }
+    }
+
     fn say_frame(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
         if let Some(fragment) = self.facts.fragment.filter(|it| it.part != Part::Last) {
             return self.say_fragment(fragment, out);
         }
         match self.facts.kind {
             kind::DUP_MAC_REQUEST => {
-                write!(out, "{} checks that its MAC ID is free", Mac(self.facts.source))?;
+                write!(out, "{} checks that its MAC ID is free", self.who(self.facts.source))?;
                 self.say_identity(out)
             }
             kind::DUP_MAC_RESPONSE => {
-                write!(out, "{} says that its MAC ID is taken", Mac(self.facts.source))?;
+                write!(out, "{} says that its MAC ID is taken", self.who(self.facts.source))?;
                 self.say_identity(out)
             }
             kind::EXPLICIT_REQUEST | kind::UNCONNECTED_REQUEST | kind::UCMM_REQUEST => {
@@ -54,7 +62,7 @@ impl Message<'_> {
             }
             kind::HEARTBEAT => self.say_heartbeat(frame.bytes(), out),
             kind::SHUTDOWN => {
-                write!(out, "{} shuts down", Mac(self.facts.source))?;
+                write!(out, "{} shuts down", self.who(self.facts.source))?;
                 match frame.bytes() {
                     [.., low, high] => write!(out, ": code {:04X}h", word(*low, *high)),
                     _ => Ok(()),
@@ -77,7 +85,7 @@ impl Message<'_> {
     }
 
     fn say_request(&self, out: &mut dyn Write) -> fmt::Result {
-        write!(out, "{} asks {}: ", Mac(self.facts.source), Mac(self.facts.destination))?;
+        write!(out, "{} asks {}: ", self.who(self.facts.source), self.who(self.facts.destination))?;
         if let (Some(allocation), Some(asked)) = (self.facts.allocation, self.facts.service) {
             let verb = if asked.code == service::ALLOCATE { "Allocate" } else { "Release" };
             write!(out, "{verb}")?;
@@ -102,7 +110,12 @@ impl Message<'_> {
 
     fn say_response(&self, out: &mut dyn Write) -> fmt::Result {
         let verb = if self.facts.error.is_some() { "refuses" } else { "answers" };
-        write!(out, "{} {verb} {}: ", Mac(self.facts.source), Mac(self.facts.destination))?;
+        write!(
+            out,
+            "{} {verb} {}: ",
+            self.who(self.facts.source),
+            self.who(self.facts.destination)
+        )?;
         match (self.facts.error, self.value, self.facts.body_format) {
             (Some((general, additional)), ..) => {
                 let is_of_allocation =
@@ -127,7 +140,7 @@ impl Message<'_> {
 
     fn say_fragment(&self, fragment: Fragment, out: &mut dyn Write) -> fmt::Result {
         if self.facts.source.is_some() {
-            write!(out, "{} ", Mac(self.facts.source))?;
+            write!(out, "{} ", self.who(self.facts.source))?;
         }
         match (fragment.part, self.facts.status) {
             (Part::Acknowledge, Some(0)) => write!(out, "takes fragment {}", fragment.count)?,
@@ -138,9 +151,9 @@ impl Message<'_> {
             (part, _) => write!(out, "{} fragment {}", part.name(), fragment.count)?,
         }
         match (fragment.part, self.facts.destination) {
-            (Part::Acknowledge, Some(mac)) => write!(out, " of {}", mac.get())?,
-            (_, Some(mac)) => write!(out, " to {}", mac.get())?,
-            _ => {}
+            (_, None) => {}
+            (Part::Acknowledge, to) => write!(out, " of {}", self.who(to))?,
+            (_, to) => write!(out, " to {}", self.who(to))?,
         }
         if self.facts.service.is_some() {
             write!(out, ": ")?;
@@ -159,7 +172,7 @@ impl Message<'_> {
     }
 
     fn say_heartbeat(&self, data: &[u8], out: &mut dyn Write) -> fmt::Result {
-        write!(out, "{} is ", Mac(self.facts.source))?;
+        write!(out, "{} is ", self.who(self.facts.source))?;
         let state = match data.get(4) {
             Some(0) => "nonexistent",
             Some(1) => "self-testing",
@@ -197,7 +210,7 @@ impl Message<'_> {
     }
 
     fn say_io(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
-        let (from, to) = (Mac(self.facts.source), Mac(self.facts.destination));
+        let (from, to) = (self.who(self.facts.source), self.who(self.facts.destination));
         let answers = self.facts.request.is_some();
         match self.facts.kind {
             kind::POLL_COMMAND if self.facts.source.is_some() => write!(out, "{from} polls {to}")?,
@@ -221,9 +234,22 @@ impl Message<'_> {
         if let Some(ns) = self.facts.response_time {
             write!(out, " in {}", Span(ns))?;
         }
-        match self.reading {
-            Some((_, reading)) => write!(out, ": position {}, {}", reading.position, reading.flags),
-            None => self.say_data(self.io, out),
+        let laid_out = self.laid_out;
+        match (self.reading, laid_out.and_then(|it| it.members)) {
+            (Some((_, reading)), _) => {
+                write!(out, ": position {}", reading.position)?;
+                if let Some((resolution, position)) = self.place() {
+                    write!(out, " {}", resolution.place(position))?;
+                }
+                write!(out, ", {}", reading.flags)
+            }
+            (None, Some(members)) => write!(out, ": {members}"),
+            (None, None) => {
+                if let Some(LaidOut { name, .. }) = laid_out {
+                    write!(out, ": {name}")?;
+                }
+                self.say_data(self.io, out)
+            }
         }
     }
 
@@ -242,14 +268,21 @@ impl Message<'_> {
     }
 }
 
-/// A MAC ID, or somebody.
-struct Mac(Option<MacId>);
+/// A MAC ID with its name, or somebody.
+struct Who<'a> {
+    mac: Option<MacId>,
+    name: Option<&'a str>,
+}
 
-impl fmt::Display for Mac {
+impl fmt::Display for Who<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Some(mac) => mac.get().fmt(f),
-            None => f.write_str("somebody"),
+        match self.mac {
+            Some(mac) => mac.get().fmt(f)?,
+            None => f.write_str("somebody")?,
+        }
+        match self.name {
+            Some(name) => write!(f, " ({name})"),
+            None => Ok(()),
         }
     }
 }

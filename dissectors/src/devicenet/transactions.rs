@@ -12,6 +12,19 @@ const WAITING: usize = 4;
 /// Bytes of a request's data that are kept until the answer says whether it was done.
 const KEPT: usize = 8;
 
+/// The first bytes of a request's data.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Kept {
+    length: u8,
+    bytes: [u8; KEPT],
+}
+
+impl Kept {
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes[..usize::from(self.length)]
+    }
+}
+
 /// Whose request it is: one may be under way for each.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Party {
@@ -35,8 +48,7 @@ pub(super) struct Request {
     /// What is asked; `None` where its beginning was not seen.
     pub service: Option<u8>,
     pub target: Target,
-    length: u8,
-    data: [u8; KEPT],
+    pub data: Kept,
     /// Its answer is not waited for any more: that it did not come was told, it was broken on the
     /// way, or a request like it was answered.
     pub is_given_up: bool,
@@ -55,8 +67,7 @@ impl Request {
             uncertainty: 0,
             service: None,
             target: Target { class: None, instance: None, attribute: None },
-            length: 0,
-            data: [0; KEPT],
+            data: Kept { length: 0, bytes: [0; KEPT] },
             is_given_up: false,
             answered: None,
         }
@@ -65,13 +76,13 @@ impl Request {
     /// Keeps the first bytes of its data.
     pub fn keep(&mut self, data: &[u8]) {
         let length = data.len().min(KEPT);
-        self.data[..length].copy_from_slice(&data[..length]);
-        self.length = length as u8;
+        self.data.bytes[..length].copy_from_slice(&data[..length]);
+        self.data.length = length as u8;
     }
 
     /// The first bytes of its data.
     pub fn data(&self) -> &[u8] {
-        &self.data[..usize::from(self.length)]
+        self.data.bytes()
     }
 
     /// When it is given up; `None` where that is not judged. An Open that nobody answers is

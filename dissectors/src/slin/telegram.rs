@@ -172,16 +172,9 @@ impl Telegram<'_> {
             (None, Some(1)) => write!(out, " answers 1 word, no position")?,
             (None, words) => write!(out, " answers {} words, no position", words.unwrap_or(0))?,
         }
-        if let Some(angle) = self.angle() {
-            match self.turns() {
-                Some(1) => write!(out, " = 1 turn {angle:.3}°")?,
-                Some(turns) => write!(out, " = {turns} turns {angle:.3}°")?,
-                None => write!(out, " = {angle:.3}°")?,
-            }
-        }
         let resolution = self.station.and_then(|station| station.resolution);
-        if self.position.zip(resolution).is_some_and(|(position, bits)| !bits.has(position)) {
-            write!(out, " (more bits than --stations says)")?;
+        if let Some((position, resolution)) = self.position.zip(resolution) {
+            write!(out, " {}", resolution.place(position))?;
         }
         match self.response_time {
             Some(ns) => write!(out, " in {}", Span(ns)),

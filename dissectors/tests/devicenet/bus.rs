@@ -4,8 +4,8 @@ use fieldtap_dissectors::bus::{Bus, WireFacts};
 use fieldtap_dissectors::can::{Frame, Identifier};
 use fieldtap_dissectors::devicenet::PROTOCOL;
 use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
-use fieldtap_dissectors::field::Value;
-use fieldtap_dissectors::finding::State;
+use fieldtap_dissectors::field::{Kind, Value};
+use fieldtap_dissectors::finding::{Finding, State};
 use fieldtap_dissectors::measure::Measurement;
 use fieldtap_dissectors::protocol::{Conclusion, Settings};
 use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
@@ -23,8 +23,8 @@ pub struct Told {
     pub summary: String,
     /// Codes, with `+` where a state begins and `-` where it ends.
     pub codes: Vec<String>,
-    /// The sentence of each.
-    pub says: Vec<String>,
+    /// What is said about each.
+    pub messages: Vec<String>,
     pub withheld: Vec<&'static str>,
     /// Codes that are only counted.
     pub ongoing: Vec<&'static str>,
@@ -53,14 +53,9 @@ impl Sink for Recorder {
         record.summarize(&mut summary).unwrap();
         let fields = (0..).zip(PROTOCOL.fields).filter_map(|(id, field)| {
             let name = field.name.strip_prefix("devicenet.").unwrap_or(field.name);
-            Some((name, shown(record.get(id))?))
+            Some((name, shown(record.get(id), field.kind)?))
         });
-        let says = record.findings.iter().map(|finding| {
-            let mut message = String::new();
-            finding.say(record, &mut message).unwrap();
-            assert!(message.len() >= 8, "{message}");
-            message
-        });
+        let messages: Vec<String> = record.findings.iter().map(|it| said(it, record)).collect();
         let codes = record.findings.iter().map(|finding| {
             let state = match finding.state {
                 Some(State::Begin) => "+",
@@ -78,7 +73,7 @@ impl Sink for Recorder {
             about: record.about,
             summary,
             codes: codes.collect(),
-            says: says.collect(),
+            messages,
             withheld: record.withheld.iter().map(|code| code.name).collect(),
             ongoing: record.ongoing.iter().map(|code| code.name).collect(),
             fields: fields.collect(),
@@ -92,7 +87,14 @@ impl Sink for Nobody {
     fn record(&mut self, _: &Record<'_>) {}
 }
 
-fn shown(value: Value<'_>) -> Option<String> {
+fn said(finding: &Finding, record: &Record<'_>) -> String {
+    let mut message = String::new();
+    finding.say(record, &mut message).unwrap();
+    assert!(message.len() >= 8, "{message}");
+    message
+}
+
+fn shown(value: Value<'_>, kind: Kind) -> Option<String> {
     Some(match value {
         Value::Absent => return None,
         Value::Bool(value) => value.to_string(),
@@ -100,11 +102,21 @@ fn shown(value: Value<'_>) -> Option<String> {
         Value::Text(text) => text.to_owned(),
         Value::Hex(bytes) => bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
         Value::List(list) => {
-            let items: Vec<String> = (0..list.len()).filter_map(|it| shown(list.get(it))).collect();
+            let items: Vec<String> =
+                (0..list.len()).filter_map(|it| shown(list.get(it), kind)).collect();
             items.join(" ")
         }
         Value::Float(value) => value.to_string(),
-        Value::Byte(_) | Value::Rows(_) => unreachable!(),
+        Value::Rows(rows) => {
+            let Kind::Rows(fields) = kind else { unreachable!() };
+            let row = |row| {
+                let cells =
+                    (0..fields.len()).map(|cell| shown(rows.get(row, cell), fields[cell].kind));
+                cells.map(Option::unwrap_or_default).collect::<Vec<_>>().join("/")
+            };
+            (0..rows.len()).map(row).collect::<Vec<_>>().join(" ")
+        }
+        Value::Byte(_) => unreachable!(),
     })
 }
 
@@ -144,9 +156,22 @@ pub fn decode(heard: &[Heard], end: Option<i64>) -> Vec<Told> {
 
 /// The same at another rate, or at one that is not known.
 pub fn decode_at(rate: Option<Baud>, heard: &[Heard], end: Option<i64>) -> Vec<Told> {
-    let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
     let mut recorder = Recorder::default();
-    hear(rate, heard, end, settings, &mut recorder);
+    hear(
+        rate,
+        heard,
+        end,
+        Settings { protocol: Some(&PROTOCOL), ..Settings::default() },
+        &mut recorder,
+    );
+    recorder.0
+}
+
+/// The same with what the user decided.
+pub fn decode_with(settings: Settings, heard: &[Heard], end: Option<i64>) -> Vec<Told> {
+    let settings = Settings { protocol: Some(&PROTOCOL), ..settings };
+    let mut recorder = Recorder::default();
+    hear(Baud::new(125_000), heard, end, settings, &mut recorder);
     recorder.0
 }
 
@@ -183,6 +208,12 @@ fn text_of(it: Conclusion) -> String {
 fn after(heard: &[Heard]) -> Bus {
     let settings = Settings { protocol: Some(&PROTOCOL), ..Settings::default() };
     hear(Baud::new(125_000), heard, None, settings, &mut Nobody)
+}
+
+/// What was found out by the end.
+pub fn conclusions(settings: Settings, heard: &[Heard]) -> Vec<Conclusion> {
+    let settings = Settings { protocol: Some(&PROTOCOL), ..settings };
+    hear(Baud::new(125_000), heard, None, settings, &mut Recorder::default()).conclusions()
 }
 
 /// The protocol that is found, where none is given.

@@ -187,7 +187,7 @@ fn allocations_that_are_refused_or_invalid() {
     );
     let words = "0Ch, object state conflict (01h, another master owns the slave)";
     assert_eq!(told[1].summary, format!("23 refuses 0: error {words} in 1.00 ms"));
-    assert_eq!(told[1].says, [format!("slave 23 refuses its allocation: status {words}")]);
+    assert_eq!(told[1].messages, [format!("slave 23 refuses its allocation: status {words}")]);
 }
 
 #[test]
@@ -215,7 +215,7 @@ fn a_refusal_is_told_in_words() {
             "0Bh, already in requested mode or state (02h, connection is allocated, or released, already)",
         ),
     ] {
-        assert_eq!(told[record].says, [format!("node 23 refuses: status {words}")]);
+        assert_eq!(told[record].messages, [format!("node 23 refuses: status {words}")]);
     }
 }
 

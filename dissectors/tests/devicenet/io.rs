@@ -102,11 +102,11 @@ fn a_connection_times_out_after_four_times_its_rate() {
         ]
     );
     // Told once, and counted.
-    assert_eq!(told[11].says, ["poll connection of 23 timed out: nothing had come for 300 ms"]);
+    assert_eq!(told[11].messages, ["poll connection of 23 timed out: nothing had come for 300 ms"]);
     assert_eq!(told[12].ongoing, ["devicenet.not-allocated"]);
     assert_eq!(told[13].ongoing, ["devicenet.not-allocated"]);
     // From 310 ms on, when it was due.
-    assert_eq!(told[14].says, ["over: poll time-out of 23, after 841 ms"]);
+    assert_eq!(told[14].messages, ["over: poll time-out of 23, after 841 ms"]);
     let event = &told[10];
     assert_eq!((event.ns, event.about, event.station), (Some(310_000_000), Some(9), Some(23)));
     assert_eq!(event.summary, "poll connection of 23 timed out: nothing for 300 ms");
@@ -135,7 +135,7 @@ fn a_released_connection_is_not_judged() {
         2_000.0,
     );
     assert_eq!(findings(&told), ["13 poll-command not-allocated"]);
-    assert_eq!(told[12].says, ["poll connection of 23 is not allocated any more"]);
+    assert_eq!(told[12].messages, ["poll connection of 23 is not allocated any more"]);
     assert_eq!(told[13].ongoing, ["devicenet.not-allocated"]);
     // Allocated anew and released once more: another story.
     let again = [
@@ -163,7 +163,7 @@ fn a_time_out_ends_where_the_connection_does() {
         findings(&told),
         ["11 event connection-timeout+", "13 unconnected-response connection-timeout-"]
     );
-    assert_eq!(told[12].says, ["over: I/O time-out of 23, after 200 ms"]);
+    assert_eq!(told[12].messages, ["over: I/O time-out of 23, after 200 ms"]);
 }
 
 #[test]
@@ -182,7 +182,10 @@ fn an_explicit_connection_that_nobody_uses_goes_by_itself() {
         findings(&told),
         ["5 explicit-request not-allocated", "6 explicit-request xid-busy"]
     );
-    assert_eq!(told[4].says, ["explicit connection of 23 timed out: nothing had come for 10.0 s"]);
+    assert_eq!(
+        told[4].messages,
+        ["explicit connection of 23 timed out: nothing had come for 10.0 s"]
+    );
     assert_eq!(told[4].get("assumed"), "body_format");
     assert_eq!(told[5].ongoing, ["devicenet.not-allocated"]);
     // In time; and one that waits for the I/O connections (attribute 12 is 3).

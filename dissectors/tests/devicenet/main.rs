@@ -4,6 +4,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod bus;
+mod eds;
+mod encoders;
 mod examples;
 mod explicit;
 mod healthy;

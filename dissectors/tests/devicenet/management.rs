@@ -58,11 +58,11 @@ fn error_frames_before_a_restart_make_bus_off_likely() {
     let told = decode(&heard, Some(4_000_000_000));
     assert_eq!(told[5].codes, ["node-restart"]);
     assert_eq!(
-        told[5].says,
+        told[5].messages,
         ["node 23 started anew after 2 error frames: it may have been bus-off"]
     );
     let told = decode(&heard[..2].iter().chain(&heard[4..]).cloned().collect::<Vec<_>>(), None);
-    assert_eq!(told[3].says, ["node 23 started anew"]);
+    assert_eq!(told[3].messages, ["node 23 started anew"]);
 }
 
 #[test]
@@ -76,10 +76,10 @@ fn a_master_that_was_on_line_restarts() {
 fn two_nodes_with_one_mac_id() {
     let told = read(&[(0.0, "4BB#008E00"), (500.0, CHECK), (501.0, "4BF#80D40102000000")], 2_500.0);
     assert_eq!(findings(&told), ["3 dup-mac-response duplicate-mac"]);
-    assert_eq!(told[2].says, ["MAC ID 23 is taken: a second node is kept off the bus"]);
+    assert_eq!(told[2].messages, ["MAC ID 23 is taken: a second node is kept off the bus"]);
     let told = read(&[(0.0, CHECK), (5_000.0, "4BF#00D40102000000")], 8_500.0);
     assert_eq!(findings(&told), ["2 dup-mac-request duplicate-mac"]);
-    assert_eq!(told[1].says, ["another node than before asks for MAC ID 23"]);
+    assert_eq!(told[1].messages, ["another node than before asks for MAC ID 23"]);
 }
 
 #[test]

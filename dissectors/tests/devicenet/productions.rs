@@ -130,7 +130,7 @@ fn a_flood_is_told_with_its_cure() {
     let told = decode_at(None, &script(&lines), end);
     let floods: Vec<&Told> = told.iter().filter(|told| told.codes == ["io-flood"]).collect();
     assert_eq!(floods.len(), 1);
-    assert!(floods[0].says[0].contains("messages take at least "), "{:?}", floods[0].says);
+    assert!(floods[0].messages[0].contains("messages take at least "), "{:?}", floods[0].messages);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 
 mod attribute;
 mod data;
+mod identity;
 mod names;
 mod objects;
 mod path;
@@ -16,6 +17,7 @@ mod value;
 pub(crate) use attribute::attributes;
 pub use attribute::{Access, Attribute, Bit, InWords, Words, find};
 pub use data::{DataType, WrongLength};
+pub use identity::DeviceIdentity;
 pub use names::{Range, class_name, class_range, device_type_name, vendor_name};
 pub use objects::{
     ACKNOWLEDGE_HANDLER, ASSEMBLY, CLASS, CONNECTION, DEVICENET, IDENTITY, MESSAGE_ROUTER,

@@ -1,6 +1,6 @@
 //! Values of attributes, as sentences and as fields.
 
-use super::Path;
+use super::{DeviceIdentity, Path};
 use crate::field;
 use core::fmt;
 
@@ -30,6 +30,8 @@ pub enum Value<'a> {
     List(List<'a>),
     /// Revision of a device.
     Revision(Revision),
+    /// All that a device says of itself.
+    Identity(DeviceIdentity<'a>),
     /// Which connections of a slave are allocated, and by whom.
     Allocation(Allocation),
     /// Bytes whose meaning is not known.
@@ -66,6 +68,7 @@ impl<'a> Value<'a> {
             Value::Path(path) => field::Value::Hex(path.bytes()),
             Value::List(list) => field::Value::List(list),
             Value::Revision(revision) => field::Value::List(revision),
+            Value::Identity(identity) => field::Value::List(identity),
             Value::Allocation(allocation) => field::Value::List(allocation),
             Value::Bytes(bytes) => field::Value::Hex(bytes),
         }
@@ -86,6 +89,7 @@ impl fmt::Display for Value<'_> {
             Value::Path(path) => write!(out, "{path}"),
             Value::List(list) => write!(out, "{list}"),
             Value::Revision(revision) => write!(out, "{revision}"),
+            Value::Identity(identity) => write!(out, "{identity}"),
             Value::Allocation(allocation) => write!(out, "{allocation}"),
             Value::Bytes(bytes) => bytes.iter().try_for_each(|byte| write!(out, "{byte:02X}")),
         }

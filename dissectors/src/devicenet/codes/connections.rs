@@ -110,7 +110,7 @@ pub static SIZE_MISMATCH: Code = Code {
     is_cause: true,
     meaning: "I/O data has another size than its connection.",
     rule: "Connection sizes are attributes 7 (produced) and 8 (consumed) of class 5; a consumer ignores data that is too long (CIP Vol. 1, chapter 3).",
-    evidence: "The sizes that the slave told when it was asked, and the length of the data; of fragments, all together. Empty data means idle and is never a wrong size. Told when it begins and when it ends; another wrong size begins anew.",
+    evidence: "The sizes that the slave told when it was asked, and the length of the data; of fragments, all together. Where it was not asked, the sizes that its EDS lists (--eds): then only data that fits none of them is wrong, and the sentence says `per EDS`. Empty data means idle and is never a wrong size. Told when it begins and when it ends; another wrong size begins anew.",
     causes: &[
         "the scan list has another size than the device: another assembly was chosen",
         "the device was exchanged for another, or its assembly changed (class 5 attribute 14)",
@@ -120,6 +120,9 @@ pub static SIZE_MISMATCH: Code = Code {
     say: |finding, record, out| {
         io_connection(record, out)?;
         match (finding.actual, finding.expected) {
+            (Some(actual), Some(expected)) if is_assumed(record) => {
+                write!(out, " carries {actual} bytes, per EDS {expected}")
+            }
             (Some(actual), Some(expected)) => {
                 write!(out, " carries {actual} bytes, its size is {expected}")
             }
@@ -127,6 +130,12 @@ pub static SIZE_MISMATCH: Code = Code {
         }
     },
 };
+
+/// Whether the size was not seen but taken.
+fn is_assumed(record: &Record<'_>) -> bool {
+    let Value::List(assumed) = record.named("devicenet.assumed") else { return false };
+    (0..assumed.len()).any(|index| matches!(assumed.get(index), Value::Text("size")))
+}
 
 /// A slave did not answer a strobe.
 pub static NO_STROBE_RESPONSE: Code = Code {

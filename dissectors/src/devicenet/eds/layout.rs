@@ -1,7 +1,7 @@
 //! I/O data of a device: its sizes, and what stands where in it.
 
 use super::parameter::Parameter;
-use crate::devicenet::cip::{Path, Target, Value};
+use crate::devicenet::cip::{DataType, Path, Target, Value};
 use alloc::collections::BTreeMap;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -62,38 +62,39 @@ impl Format {
 }
 
 impl Io {
-    /// What the device produces in a mode by default.
-    #[must_use]
-    pub fn produced(&self, mode: Mode) -> Option<&Format> {
-        self.inputs.get(&self.modes[mode as usize]?.input)
+    /// What the device can produce.
+    pub fn produced(&self) -> impl Iterator<Item = &Format> {
+        self.inputs.values()
     }
 
-    /// What it consumes.
-    #[must_use]
-    pub fn consumed(&self, mode: Mode) -> Option<&Format> {
-        self.outputs.get(&self.modes[mode as usize]?.output)
+    /// What it can consume.
+    pub fn consumed(&self) -> impl Iterator<Item = &Format> {
+        self.outputs.values()
     }
 
-    /// Sizes in bytes of what is produced and consumed in a mode; `None` where the file does not
-    /// tell.
+    /// What a mode carries by default: what is produced, and what is consumed.
     #[must_use]
-    pub fn sizes(&self, mode: Mode) -> Option<Sizes> {
-        let Carried { input, output } = self.modes[mode as usize]?;
-        let size = |formats: &BTreeMap<u16, Format>, number| match number {
-            0 => Some(0),
-            _ => formats.get(&number).map(|format| format.size),
+    pub fn defaults(&self, mode: Mode) -> (Option<&Format>, Option<&Format>) {
+        let Some(Carried { input, output }) = self.modes[mode as usize] else {
+            return (None, None);
         };
-        Some(Sizes { produced: size(&self.inputs, input)?, consumed: size(&self.outputs, output)? })
+        (self.inputs.get(&input), self.outputs.get(&output))
     }
 }
 
-/// Sizes of a connection in bytes, as the device sees it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Sizes {
-    /// What it sends.
-    pub produced: u16,
-    /// What it receives.
-    pub consumed: u16,
+/// Which of these formats data of so many bytes has: the default if that is its size, or else the
+/// only one of that size. `None` where several have it.
+#[must_use]
+pub fn format_of_size<'a>(
+    mut formats: impl Iterator<Item = &'a Format>,
+    default: Option<&'a Format>,
+    size: usize,
+) -> Option<&'a Format> {
+    let has_size = |format: &&Format| usize::from(format.size) == size;
+    default.filter(has_size).or_else(|| {
+        let only = formats.find(has_size)?;
+        formats.all(|format| !has_size(&format)).then_some(only)
+    })
 }
 
 /// `AssemN` of the section `[Assembly]`.
@@ -167,6 +168,14 @@ impl Cell<'_> {
         };
         let bits = (1..=64).contains(&self.bits).then_some(u32::from(self.bits))?;
         let number = (0..bits).try_fold(0, |number, index| Some(number | bit(index)? << index))?;
-        Some(Value::Unsigned(number))
+        let is_signed = self.parameter.is_some_and(|known| {
+            matches!(known.kind, DataType::Sint | DataType::Int | DataType::Dint | DataType::Lint)
+        });
+        // The highest bit of fewer bits than its type has is its sign too.
+        let unused = 64 - bits;
+        Some(match is_signed {
+            true => Value::Signed((number << unused).cast_signed() >> unused),
+            false => Value::Unsigned(number),
+        })
     }
 }

@@ -10,7 +10,7 @@ mod parser;
 mod text;
 mod warning;
 
-pub use layout::{Assembly, Cell, Content, Format, Io, Member, Mode, Sizes};
+pub use layout::{Assembly, Cell, Content, Format, Io, Member, Mode, format_of_size};
 pub use parameter::{Described, Parameter, Scaling};
 pub use warning::{Problem, Warning};
 
@@ -58,12 +58,12 @@ pub struct Device {
 pub struct Identity {
     /// Attribute 1.
     pub vendor: u16,
-    /// Attribute 2.
-    pub device_type: u16,
+    /// Attribute 2, if it is known.
+    pub device_type: Option<u16>,
     /// Attribute 3.
     pub product_code: u16,
-    /// Of attribute 4.
-    pub major_revision: u8,
+    /// Of attribute 4, if it is known.
+    pub major_revision: Option<u8>,
 }
 
 /// Reads a file. It never fails: of what is no EDS file nothing is known.
@@ -73,22 +73,31 @@ pub fn parse(file: &[u8]) -> (Eds, Vec<Warning>) {
     parser::parse(&text, file.len() > MAX_FILE)
 }
 
-/// The file that describes a device.
+/// Where the file that describes a device is in a list. `None` where several may, because they
+/// differ in what is not known of it; of files that are alike in that the first is taken.
 #[must_use]
-pub fn find<'a>(files: &'a [Eds], identity: &Identity) -> Option<&'a Eds> {
-    files.iter().find(|file| file.describes(identity))
+pub fn find(files: &[Eds], identity: &Identity) -> Option<usize> {
+    let key = |file: &Eds| (file.device.device_type, file.device.major_revision);
+    let mut fitting = files.iter().enumerate().filter(|(_, file)| file.describes(identity));
+    let (place, first) = fitting.next()?;
+    fitting.all(|(_, other)| key(other) == key(first)).then_some(place)
+}
+
+/// Whether two numbers are the same, as far as they are known.
+fn same<T: PartialEq>(one: Option<T>, other: Option<T>) -> bool {
+    one.zip(other).is_none_or(|(one, other)| one == other)
 }
 
 impl Eds {
     /// Whether this is the file of a device. Vendor and product code must be in the file and the
-    /// same; device type and major revision must be the same where they are in it.
+    /// same; device type and major revision must be the same where both are known.
     #[must_use]
     pub fn describes(&self, identity: &Identity) -> bool {
         let device = &self.device;
         device.vendor == Some(identity.vendor)
             && device.product_code == Some(identity.product_code)
-            && device.device_type.is_none_or(|it| it == identity.device_type)
-            && device.major_revision.is_none_or(|it| it == identity.major_revision)
+            && same(device.device_type, identity.device_type)
+            && same(device.major_revision, identity.major_revision)
     }
 
     /// The parameter that an access means: the one that points there, or the instance of the class
@@ -121,10 +130,16 @@ impl Eds {
         self.assemblies.get(&instance)
     }
 
-    /// The members of an assembly at their places.
+    /// All assemblies.
+    pub fn assemblies(&self) -> impl Iterator<Item = &Assembly> {
+        self.assemblies.values()
+    }
+
+    /// The members of an assembly at their places, as far as these are known: up to one whose size
+    /// the file does not tell.
     pub fn cells<'a>(&'a self, assembly: &'a Assembly) -> impl Iterator<Item = Cell<'a>> {
         let mut end = 0_u32;
-        assembly.members.iter().map(move |member| {
+        assembly.members.iter().map_while(move |member| {
             let parameter = match member.content {
                 Content::Parameter(number) => self.parameters.get(&number),
                 Content::Attribute(target) => {
@@ -133,9 +148,9 @@ impl Eds {
                 Content::Constant(_) | Content::Padding => None,
             };
             let own = parameter.and_then(|known| known.size).map(|size| size.saturating_mul(8));
-            let (offset, bits) = (end, member.bits.or(own).unwrap_or(0));
+            let (offset, bits) = (end, member.bits.or(own).filter(|bits| *bits > 0)?);
             end = end.saturating_add(bits.into());
-            Cell { offset, bits, content: member.content, parameter }
+            Some(Cell { offset, bits, content: member.content, parameter })
         })
     }
 }

@@ -58,20 +58,31 @@ fn warnings(text: &str) -> Vec<String> {
 fn a_file_belongs_to_a_device() {
     let eds = read(ENCODER);
     assert_eq!(eds.device.product_name, "AMG 11 D29");
-    let identity = Identity { vendor: 468, device_type: 0x22, product_code: 10, major_revision: 1 };
+    let identity = Identity {
+        vendor: 468,
+        device_type: Some(0x22),
+        product_code: 10,
+        major_revision: Some(1),
+    };
     assert!(eds.describes(&identity));
     for other in [
         Identity { vendor: 1, ..identity },
-        Identity { device_type: 0, ..identity },
+        Identity { device_type: Some(0), ..identity },
         Identity { product_code: 11, ..identity },
-        Identity { major_revision: 2, ..identity },
+        Identity { major_revision: Some(2), ..identity },
     ] {
         assert!(!eds.describes(&other), "{other:?}");
     }
     // A file that does not tell type and revision is of all of them.
     let old = read(OLD);
-    assert!(old.describes(&Identity { major_revision: 7, ..identity }));
-    assert_eq!(find(&[eds, old], &identity).unwrap().device.vendor_name, "Baumer");
+    assert!(old.describes(&Identity { major_revision: Some(7), ..identity }));
+    let other = read(&ENCODER.replace("MajRev = 1", "MajRev = 2"));
+    assert_eq!(find(&[old.clone(), eds.clone()], &Identity { vendor: 1, ..identity }), None);
+    assert_eq!(find(&[other.clone(), eds.clone()], &identity), Some(1));
+    // Until the device tells its revision, it may be either.
+    let unknown = Identity { major_revision: None, ..identity };
+    assert_eq!(find(&[other, eds.clone()], &unknown), None);
+    assert_eq!(find(&[eds.clone(), eds], &unknown), Some(0));
 }
 
 #[test]
@@ -117,12 +128,29 @@ fn old_files_number_their_words_from_the_minimum() {
 fn sizes_of_connections() {
     let io = read(ENCODER).io;
     assert_eq!(io.default, Some(1));
-    assert_eq!(io.sizes(Mode::Poll), Some(Sizes { produced: 4, consumed: 0 }));
-    assert_eq!(io.sizes(Mode::Cos), Some(Sizes { produced: 5, consumed: 0 }));
-    assert_eq!(io.sizes(Mode::Strobe), None);
-    assert_eq!(io.produced(Mode::Poll).and_then(Format::assembly), Some(1));
-    assert_eq!(io.produced(Mode::Cos).and_then(Format::assembly), Some(2));
-    assert_eq!(io.consumed(Mode::Poll), None);
+    let produced = |mode| io.defaults(mode).0.map(|format| (format.size, format.assembly()));
+    assert_eq!(produced(Mode::Poll), Some((4, Some(1))));
+    assert_eq!(produced(Mode::Cos), Some((5, Some(2))));
+    assert_eq!(produced(Mode::Strobe), None);
+    assert_eq!(io.defaults(Mode::Poll).1, None);
+    assert_eq!(io.produced().map(|format| format.size).collect::<Vec<_>>(), [4, 5]);
+    assert_eq!(io.consumed().count(), 0);
+}
+
+#[test]
+fn the_size_of_data_tells_its_format_where_one_has_it() {
+    let io = read(
+        "[Device] VendCode=1; ProdCode=1;\n[IO_Info] PollInfo = 1, 2, 0;\n\
+         Input1=4,0,1,\"A\"; Input2=4,0,1,\"B\"; Input3=5,0,1,\"C\"; Input4=6; Input5=6;",
+    )
+    .io;
+    let name = |mode, size| {
+        let format = format_of_size(io.produced(), io.defaults(mode).0, size)?;
+        Some(format.name.as_str())
+    };
+    // Of several the default of the mode; of none but those, no one knows.
+    assert_eq!([4, 5, 6, 7].map(|size| name(Mode::Poll, size)), [Some("B"), Some("C"), None, None]);
+    assert_eq!(name(Mode::Cyclic, 4), None);
 }
 
 #[test]
@@ -142,6 +170,11 @@ fn members_of_an_assembly() {
     assert_eq!(cells[1].value(&data), Some(Value::Unsigned(1)));
     assert_eq!(cells[3].value(&data), Some(Value::Unsigned(0b10_0000)));
     assert_eq!(cells[3].content, Content::Constant(0));
+    // A DINT in twelve bits: FFFh is -1.
+    let narrow = read(&ENCODER.replace("32, Param9", "12, Param9"));
+    let cell = narrow.cells(narrow.assembly(2).unwrap()).next().unwrap();
+    assert_eq!(cell.value(&[0xFF, 0x7F]), Some(Value::Signed(-1)));
+    assert_eq!(cell.value(&[0xFF, 0x77]), Some(Value::Signed(0x7FF)));
     assert_eq!(cells[3].value(&data[..4]), None);
     assert!(eds.assembly(1).is_none());
 }
@@ -154,6 +187,11 @@ fn the_size_of_a_member_may_be_its_parameters() {
     );
     let cells: Vec<_> = eds.cells(eds.assembly(100).unwrap()).map(|c| (c.offset, c.bits)).collect();
     assert_eq!(cells, [(0, 16), (16, 8)]);
+    // Behind one whose size nobody tells, no place is known.
+    let eds = read(
+        "[Device] VendCode=1; ProdCode=1;\n[Assembly] Assem1=\"Data\",,,,,,8,Param1,,Param2,8,3;",
+    );
+    assert_eq!(eds.cells(eds.assembly(1).unwrap()).count(), 1);
 }
 
 #[test]
@@ -188,7 +226,7 @@ fn what_is_no_eds_file_is_of_no_device() {
     let (eds, warnings) = parse(b"\x89PNG\r\n\x1A\n");
     assert_eq!(eds, Eds::default());
     assert_eq!(warnings.last().unwrap().problem, Problem::NoIdentity);
-    let nobody = Identity { vendor: 0, device_type: 0, product_code: 0, major_revision: 0 };
+    let nobody = Identity { vendor: 0, device_type: None, product_code: 0, major_revision: None };
     assert!(!eds.describes(&nobody));
 }
 
@@ -229,7 +267,7 @@ fn exercise(file: &[u8]) {
             let _ = (cell.name(), cell.value(&[0xFF; 5]));
         }
     }
-    let _ = (eds.io.sizes(Mode::Poll), eds.io.produced(Mode::Cyclic));
+    let _ = format_of_size(eds.io.produced(), eds.io.defaults(Mode::Cyclic).0, 5);
 }
 
 proptest! {

@@ -187,15 +187,16 @@ impl Command {
     }
 }
 
-/// What a parameter is after a reset (manual §4), as the number that its bytes hold.
+/// What a parameter is after a reset (manual §4), as the number that its bytes hold. The manual
+/// gives no default for the COS delta, and the total resolution depends on the kind of encoder.
 #[must_use]
-pub const fn default_value(attribute: u8, kind: Kind) -> Option<u32> {
+pub const fn default_value(attribute: u8, kind: Option<Kind>) -> Option<i64> {
     match (attribute, kind) {
         (attribute::SENSE_OF_ROTATION | attribute::PRESET, _) => Some(0),
         (attribute::STEPS_PER_TURN, _) => Some(8192),
         // "In the case of singleturn encoders, the measurement range = the resolution".
-        (attribute::TOTAL_RESOLUTION, Kind::Singleturn) => Some(8192),
-        (attribute::TOTAL_RESOLUTION, Kind::Multiturn) => Some(536_870_912),
+        (attribute::TOTAL_RESOLUTION, Some(Kind::Singleturn)) => Some(8192),
+        (attribute::TOTAL_RESOLUTION, Some(Kind::Multiturn)) => Some(536_870_912),
         _ => None,
     }
 }
@@ -297,8 +298,9 @@ mod tests {
         assert_eq!(kind_of_product(0x0B), Some(Kind::Singleturn));
         assert_eq!(Kind::of_encoder_type(2), Some(Kind::Multiturn));
         assert_eq!(Kind::of_encoder_type(0), None);
-        assert_eq!(default_value(8, Kind::Multiturn), Some(8192 * 65536));
-        assert_eq!(default_value(11, Kind::Multiturn), None);
+        assert_eq!(default_value(8, Some(Kind::Multiturn)), Some(8192 * 65536));
+        assert_eq!(default_value(8, None), None);
+        assert_eq!(default_value(11, Some(Kind::Multiturn)), None);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Finding codes of encoders on DeviceNet.
 
 use super::baumer::{self, Command};
+use crate::devicenet::cip::class;
 use crate::field::Value;
 use crate::finding::{Code, Cure, Finding, Severity};
 use crate::record::Record;
@@ -19,7 +20,7 @@ pub static CODES: [&Code; 9] = [
     &WRITTEN,
 ];
 
-const BOUND: &str = "is the station bound to the right profile? --device STATION=baumer-encoder says so, or the product code 0Ah or 0Bh with a successful access to class 2Fh";
+const BOUND: &str = "is the station bound to the right profile? --device STATION=baumer-encoder says so, or the product code 0Ah or 0Bh with a successful access to class 2Fh or an EDS that has it";
 
 /// The encoder says that its position may be wrong.
 pub static ALARM: Code = Code {
@@ -28,7 +29,7 @@ pub static ALARM: Code = Code {
     is_cause: false,
     meaning: "The encoder says that its position may be wrong.",
     rule: "Alarm flag of assembly 2 or attribute 85, bit 0 of attribute 83: position error, the only alarm that is defined (Baumer DeviceNet manual §6, §8).",
-    evidence: "The flag as it was sent, with the time of the first and last message that had it. The encoder clears it by itself after 2.5 s: a slow poll may miss it. Assembly 1, the default, carries no flags: then nothing is known.",
+    evidence: "The flag as it was sent, with the time of the first and last message that had it. The encoder clears it by itself after 2.5 s: a slow poll may miss it. Assembly 1, the default, carries no flags: then nothing is known. Of encoders with CIP's position sensor (class 23h) only the flag is read: what it stands for is in attribute 2Ch.",
     causes: &[
         "the code disc or its scanning is dirty or damaged",
         "strong vibration, or a shaft that turns faster than allowed",
@@ -41,7 +42,7 @@ pub static ALARM: Code = Code {
         BOUND,
     ],
     cure: Cure { one: "check disc and supply", all: "check the encoders and their supply" },
-    say: |_, _, out| write!(out, "alarm: position error, the only alarm that is defined"),
+    say: |_, _, out| write!(out, "alarm: position error, the only one that Baumer defines"),
 };
 
 /// The encoder says that something is out of tolerance; its position is right.
@@ -51,11 +52,11 @@ pub static WARNING: Code = Code {
     is_cause: false,
     meaning: "The encoder says that something is out of tolerance; its position is right.",
     rule: "Warning flag of assembly 2 or attribute 88, bit 4 of attribute 86: lithium cell, the only warning that is defined (Baumer DeviceNet manual §6, §8).",
-    evidence: "The flag as it was sent. Assembly 1, the default, carries no flags: then nothing is known.",
+    evidence: "The flag as it was sent. Assembly 1, the default, carries no flags: then nothing is known. Of encoders with CIP's position sensor (class 23h) only the flag is read: what it stands for is in attribute 2Fh.",
     causes: &["the lithium cell, which counts turns while the supply is off, is empty"],
     next: &["have the cell replaced with the supply on: without both, the turns are lost", BOUND],
     cure: Cure { one: "replace the lithium cell", all: "replace the lithium cells" },
-    say: |_, _, out| write!(out, "warning: lithium cell, the only warning that is defined"),
+    say: |_, _, out| write!(out, "warning: lithium cell, the only one that Baumer defines"),
 };
 
 /// A value was written that the encoder cannot take.
@@ -133,7 +134,7 @@ pub static PRESET_WHILE_MOVING: Code = Code {
     is_cause: false,
     meaning: "The preset was written while the shaft was moving: the position is off by as much as it moved meanwhile.",
     rule: "A preset is to be set at standstill (Baumer DeviceNet manual §8).",
-    evidence: "The last two positions before the Set request differ by more than two steps and are less than a second old.",
+    evidence: "The last two positions before the Set request differ by more than two steps; or they differ at all, and by more than two from one up to a quarter of a second before. The last is not older than twice the time between them.",
     causes: &["the program does not wait for standstill", "the axis is not braked"],
     next: &[
         "stop the axis, then preset",
@@ -142,7 +143,7 @@ pub static PRESET_WHILE_MOVING: Code = Code {
     cure: Cure { one: "stop the axis before the preset", all: "preset at standstill" },
     say: |finding, _, out| {
         let steps = finding.actual.unwrap_or_default();
-        write!(out, "preset while the shaft moves: {steps} steps between the last two positions")
+        write!(out, "preset while the shaft moves: {steps} steps just before")
     },
 };
 
@@ -227,10 +228,15 @@ fn say_written(finding: &Finding, record: &Record<'_>, out: &mut dyn fmt::Write)
     if let Some(old) = finding.expected {
         write!(out, " from {old}")?;
     }
-    if let Some(new) = finding.actual {
-        write!(out, " to {new}")?;
-    }
     let attribute = number("devicenet.attribute").and_then(|id| u8::try_from(id).ok());
-    let is_saved = class.zip(attribute).is_some_and(|(c, a)| baumer::is_saved_at_once(c, a));
-    write!(out, "{}", if is_saved { ", saved at once" } else { ", not saved yet" })
+    let is_path = class.zip(attribute).is_some_and(|(c, a)| baumer::is_saved_at_once(c, a));
+    if let Some(new) = finding.actual {
+        write!(out, " to {}{new}", if is_path { "assembly " } else { "" })?;
+    }
+    match class {
+        Some(class::CONNECTION) if is_path => write!(out, ", saved at once"),
+        // Whether other profiles save at once, no source tells.
+        Some(class::PARAMETER | baumer::ENCODER_POSITION) => write!(out, ", not saved yet"),
+        _ => Ok(()),
+    }
 }

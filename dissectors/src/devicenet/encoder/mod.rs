@@ -6,16 +6,13 @@
 mod assembly;
 pub mod baumer;
 pub mod codes;
-mod installation;
+mod led;
 mod rules;
 mod watch;
 
 pub use assembly::{Assembly, Flags, Reading};
-pub use installation::{BIT_RATE_SWITCHES, BitRateSwitches, Led, NodeState, mac_id_of_switches};
-pub use rules::{
-    ALARM_RESETS_AFTER, AT_REST, Known, Turns, Violation, check_position, check_set, distance,
-    range,
-};
+pub use led::{Led, NodeState};
+pub use rules::{AT_REST, Known, Turns, Violation, check_position, check_set, distance, range};
 
 pub use watch::Watch;
 
@@ -98,6 +95,21 @@ impl Profile {
                 baumer::parameter(instance).map(|parameter| parameter.attribute)
             }
             _ => None,
+        }
+    }
+
+    /// The attribute of Baumer's encoder position object that means the same as this one of the
+    /// profile's position class. `None` where none does: the same number is something else there.
+    #[must_use]
+    pub const fn as_baumer(self, attribute: u8) -> Option<u8> {
+        use baumer::attribute as id;
+        match (self, attribute) {
+            (Profile::BaumerEncoder, _) => Some(attribute),
+            (Profile::PositionSensor, 0x03 | 0x0A) => Some(id::POSITION),
+            (Profile::PositionSensor, 0x13) => Some(id::PRESET),
+            (Profile::PositionSensor, 0x2E) => Some(id::ALARM_FLAG),
+            (Profile::PositionSensor, 0x31) => Some(id::WARNING_FLAG),
+            (Profile::PositionSensor, _) => None,
         }
     }
 

@@ -6,9 +6,6 @@ use crate::devicenet::cip::{DataType, WrongLength, find};
 use core::fmt;
 use core::ops::RangeInclusive;
 
-/// An alarm is reset after so many ns (manual §8): a slow poll may never see it.
-pub const ALARM_RESETS_AFTER: i64 = 2_500_000_000;
-
 /// A shaft that moves by so many steps may still be at rest: the last bits flicker.
 pub const AT_REST: u32 = 2;
 

@@ -3,6 +3,7 @@
 use super::baumer::{self, Command, attribute as id};
 use super::rules::{AT_REST, Known, Turns, Violation, check_position, check_set, distance};
 use super::{Flags, Kind, Profile, Reading, codes};
+use crate::devicenet::cip::Attribute;
 use crate::event::Moment;
 use crate::finding::{Code, Finding, State};
 use alloc::vec::Vec;
@@ -16,11 +17,17 @@ const MOTION_NS: i64 = 1_000_000_000;
 /// How far back motion is looked for, in ns.
 const LOOK_BACK_NS: i64 = 250_000_000;
 
+/// By how much two positions may be stamped apart more than they were taken, in ns.
+const STAMPING_NS: i64 = 10_000_000;
+
 /// What was heard of one encoder.
 #[derive(Clone, Debug)]
 pub struct Watch {
     profile: Profile,
     kind: Option<Kind>,
+    /// How many positions it has, as the user says: after the last comes the first. What the encoder
+    /// says itself comes first, and nothing else is judged by this.
+    positions: Option<u32>,
     /// Values of the position class as they were last read or written.
     values: [Option<i64>; ATTRIBUTES],
     /// Attributes written since the last Save: bit *n* is attribute *n*.
@@ -28,8 +35,8 @@ pub struct Watch {
     last: Option<(u32, Moment)>,
     /// A position of up to a quarter of a second ago.
     before: Option<(u32, Moment)>,
-    /// Steps between the last two positions, if they tell of motion.
-    motion: Option<u32>,
+    /// By how many steps the shaft moved last, and until when it is taken to move.
+    motion: Option<(u32, Moment)>,
     alarm: Lasting,
     warning: Lasting,
     told_turns: Option<(u32, u32)>,
@@ -58,12 +65,14 @@ impl Lasting {
 }
 
 impl Watch {
-    /// Of an encoder with this profile of which nothing was heard yet.
+    /// Of an encoder with this profile of which nothing was heard yet. `positions`: how many it has,
+    /// as the user says.
     #[must_use]
-    pub const fn new(profile: Profile, kind: Option<Kind>) -> Self {
+    pub const fn new(profile: Profile, kind: Option<Kind>, positions: Option<u32>) -> Self {
         Watch {
             profile,
             kind,
+            positions,
             values: [None; ATTRIBUTES],
             unsaved: 0,
             last: None,
@@ -75,22 +84,36 @@ impl Watch {
         }
     }
 
+    /// Its product code stands for this kind: attribute 95 is believed first.
+    pub fn suppose(&mut self, kind: Kind) {
+        self.kind = self.kind.or(Some(kind).filter(|_| self.is_baumer()));
+    }
+
     /// How its objects are read.
     #[must_use]
     pub const fn profile(&self) -> Profile {
         self.profile
     }
 
+    /// What parameters are called that a restart would undo: written or reset, and not saved.
+    pub fn unsaved(&self) -> impl Iterator<Item = &'static str> + use<> {
+        let unsaved = self.unsaved;
+        let is_unsaved = move |it: &&Attribute| unsaved >> it.id & 1 == 1;
+        baumer::ATTRIBUTES.iter().filter(is_unsaved).map(|attribute| attribute.name)
+    }
+
     /// The COS delta in steps, if it was seen.
     #[must_use]
     pub fn delta(&self) -> Option<u32> {
-        u32::try_from(self.value(id::COS_DELTA)?).ok()
+        let delta = self.value(id::COS_DELTA).filter(|_| self.is_baumer())?;
+        u32::try_from(delta).ok()
     }
 
     /// An attribute of the position class was read: the response's data.
     pub fn read(&mut self, attribute: u8, data: &[u8], now: Moment, findings: &mut Vec<Finding>) {
         let Some(value) = self.decode(attribute, data) else { return };
         self.learn(attribute, value);
+        let Some(attribute) = self.profile.as_baumer(attribute) else { return };
         match attribute {
             id::POSITION => self.see_position(value as u32, now, findings),
             id::ALARMS | id::ALARM_FLAG => {
@@ -116,12 +139,12 @@ impl Watch {
         findings: &mut Vec<Finding>,
     ) {
         // What other profiles allow to be written, no source tells.
-        if self.profile == Profile::BaumerEncoder {
+        if self.is_baumer() {
             findings.extend(check_set(attribute, data, self.known()).err().map(finding));
         }
-        let is_recent =
-            self.last.and_then(|(_, at)| now.since(at)).is_some_and(|ns| ns <= MOTION_NS);
-        if let (id::PRESET, Some(steps), true) = (attribute, self.motion, is_recent) {
+        let is_preset = self.profile.as_baumer(attribute) == Some(id::PRESET);
+        let motion = self.motion.filter(|(_, until)| now.is_known() && !now.is_after(*until));
+        if let (true, Some((steps, _))) = (is_preset, motion) {
             let finding = Finding::new(&codes::PRESET_WHILE_MOVING).actual(i64::from(steps));
             findings.push(finding.limit(i64::from(AT_REST)));
         }
@@ -133,7 +156,8 @@ impl Watch {
         written.expected = self.value(attribute);
         written.actual = self.decode(attribute, data);
         findings.push(written);
-        for stale in baumer::changed_by(attribute) {
+        let changed = if self.is_baumer() { baumer::changed_by(attribute) } else { &[] };
+        for stale in changed {
             if let Some(value) = self.values.get_mut(usize::from(*stale)) {
                 *value = None;
             }
@@ -143,10 +167,11 @@ impl Watch {
         if let Some(value) = written.actual {
             self.learn(attribute, value);
         }
-        if usize::from(attribute) < ATTRIBUTES {
+        // Others may save at once.
+        if usize::from(attribute) < ATTRIBUTES && self.is_baumer() {
             self.unsaved |= 1 << attribute;
         }
-        if let id::STEPS_PER_TURN | id::TOTAL_RESOLUTION = attribute {
+        if let Some(id::STEPS_PER_TURN | id::TOTAL_RESOLUTION) = self.profile.as_baumer(attribute) {
             self.judge_turns(findings);
         }
     }
@@ -157,10 +182,21 @@ impl Watch {
         match command {
             Command::Save => self.unsaved = 0,
             Command::Restore => self.forget_parameters(),
-            Command::Reset => {
-                self.forget_parameters();
-                // The defaults are in effect, and not saved.
-                self.unsaved = 1 << id::SENSE_OF_ROTATION;
+            Command::Reset => self.reset(),
+        }
+    }
+
+    /// The defaults are in effect, and not saved.
+    fn reset(&mut self) {
+        self.forget_parameters();
+        if !self.is_baumer() {
+            return;
+        }
+        let settable = baumer::ATTRIBUTES.iter().filter(|attribute| attribute.is_settable());
+        for attribute in settable.map(|attribute| attribute.id) {
+            self.unsaved |= 1 << attribute;
+            if let Some(value) = baumer::default_value(attribute, self.kind) {
+                self.learn(attribute, value);
             }
         }
     }
@@ -187,7 +223,7 @@ impl Watch {
     #[must_use]
     pub fn step_to(&self, position: u32) -> Option<u32> {
         let (last, _) = self.last?;
-        Some(distance(last, position, self.known().total_resolution))
+        Some(distance(last, position, self.known().total_resolution.or(self.positions)))
     }
 
     /// Something was lost: positions before and after do not compare.
@@ -201,16 +237,27 @@ impl Watch {
             let finding = Finding::new(&codes::POSITION_OUT_OF_RANGE).actual(i64::from(position));
             findings.push(finding.limit(i64::from(total)));
         }
-        // Fast polls see a slow shaft move by less than it may flicker: hence a look further back.
+        self.motion = self.motion_to(position, now);
         let age = |at: Moment| now.since(at).unwrap_or(i64::MAX);
-        let seen = [self.last, self.before].into_iter().flatten();
-        let recent = seen.filter(|(_, at)| age(*at) <= MOTION_NS);
-        let steps = recent.map(|(then, _)| distance(then, position, total)).max();
-        self.motion = steps.filter(|steps| *steps > AT_REST);
         if self.before.is_none_or(|(_, at)| age(at) > LOOK_BACK_NS) {
             self.before = Some((position, now));
         }
         self.last = Some((position, now));
+    }
+
+    /// What a position tells of motion. Fast polls see a slow shaft move by less than it may flicker:
+    /// hence a look further back, while it is not at rest. In change of state mode a shaft that
+    /// stopped sends nothing: it moves no longer than the next position would have taken to come.
+    fn motion_to(&self, position: u32, now: Moment) -> Option<(u32, Moment)> {
+        let round = self.known().total_resolution.or(self.positions);
+        let since = |(then, at): (u32, Moment)| {
+            let gap = now.since(at).filter(|gap| *gap <= MOTION_NS)?;
+            Some((distance(then, position, round), gap))
+        };
+        let (last, gap) = self.last.and_then(since)?;
+        let earlier = self.before.and_then(since).map_or(0, |(steps, _)| steps);
+        let steps = if last > 0 { last.max(earlier) } else { 0 };
+        (steps > AT_REST).then(|| (steps, now.plus(2 * gap + STAMPING_NS)))
     }
 
     fn judge_turns(&mut self, findings: &mut Vec<Finding>) {
@@ -226,8 +273,13 @@ impl Watch {
         findings.push(finding);
     }
 
+    fn is_baumer(&self) -> bool {
+        self.profile == Profile::BaumerEncoder
+    }
+
     fn known(&self) -> Known {
-        let total = self.value(id::TOTAL_RESOLUTION).and_then(|total| u32::try_from(total).ok());
+        let total = self.value(id::TOTAL_RESOLUTION).filter(|_| self.is_baumer());
+        let total = total.and_then(|total| u32::try_from(total).ok());
         Known { total_resolution: total.filter(|total| *total > 0), kind: self.kind }
     }
 
@@ -244,7 +296,7 @@ impl Watch {
         if let Some(known) = self.values.get_mut(usize::from(attribute)) {
             *known = Some(value);
         }
-        if attribute == id::ENCODER_TYPE {
+        if attribute == id::ENCODER_TYPE && self.is_baumer() {
             self.kind = u16::try_from(value).ok().and_then(Kind::of_encoder_type).or(self.kind);
         }
     }
@@ -276,7 +328,7 @@ mod tests {
     }
 
     fn baumer() -> Watch {
-        Watch::new(Profile::BaumerEncoder, Some(Kind::Multiturn))
+        Watch::new(Profile::BaumerEncoder, Some(Kind::Multiturn), None)
     }
 
     /// The codes that something raises.
@@ -301,8 +353,44 @@ mod tests {
         );
         assert_eq!(encoder.restart().map(|finding| finding.actual), Some(Some(1)));
         raised(|told| encoder.write(10, &preset, told));
+        assert_eq!(encoder.unsaved().collect::<Vec<_>>(), ["Preset value"]);
         raised(|told| encoder.command(Command::Save, told));
+        assert_eq!(encoder.unsaved().count(), 0);
         assert_eq!(encoder.restart(), None);
+    }
+
+    #[test]
+    fn a_reset_brings_the_manuals_defaults_back_until_the_next_restart() {
+        let mut encoder = baumer();
+        raised(|told| encoder.write(7, &3600_u32.to_le_bytes(), told));
+        raised(|told| encoder.command(Command::Reset, told));
+        // Manual §4: 8192 steps per turn. What was written before is told as the old value.
+        let mut findings = Vec::new();
+        encoder.write(7, &4096_u32.to_le_bytes(), &mut findings);
+        assert_eq!((findings[0].expected, findings[0].actual), (Some(8192), Some(4096)));
+        // Attributes 3, 7, 8, 10 and 11 have their defaults, which nobody saved.
+        assert_eq!(encoder.restart().map(|finding| finding.actual), Some(Some(5)));
+    }
+
+    #[test]
+    fn what_has_another_number_in_another_profile_is_not_mistaken() {
+        let mut sensor = Watch::new(Profile::PositionSensor, None, None);
+        // Class 23h: 0Bh is the sensor type, 0Ch the sense of rotation, 0Ah the position. In class
+        // 2Fh these are the COS delta, the position and the preset.
+        raised(|told| sensor.read(0x0B, &[2, 0], at(0), told));
+        assert_eq!(sensor.delta(), None);
+        raised(|told| sensor.read(0x0A, &1000_u32.to_le_bytes(), at(0), told));
+        raised(|told| sensor.read(0x0C, &[1], at(5), told));
+        raised(|told| sensor.read(0x0A, &1000_u32.to_le_bytes(), at(10), told));
+        let preset = 0_u32.to_le_bytes();
+        assert_eq!(raised(|told| sensor.ask_to_write(0x13, &preset, at(20), told)), []);
+        raised(|told| sensor.read(0x03, &1100_u32.to_le_bytes(), at(30), told));
+        let moving = [("encoder.preset-while-moving", Some(100))];
+        assert_eq!(raised(|told| sensor.ask_to_write(0x13, &preset, at(40), told)), moving);
+        assert_eq!(raised(|told| sensor.read(0x2E, &[1], at(0), told)), [("encoder.alarm", None)]);
+        // That a Set wants a Save is said by Baumer's manual only.
+        raised(|told| sensor.write(0x10, &4096_u32.to_le_bytes(), told));
+        assert_eq!(sensor.restart(), None);
     }
 
     #[test]
@@ -361,6 +449,23 @@ mod tests {
         }
         let preset = 0_u32.to_le_bytes();
         assert_eq!(raised(|told| encoder.ask_to_write(10, &preset, at(400), told)).len(), 1);
+    }
+
+    #[test]
+    fn a_shaft_that_stopped_is_at_rest() {
+        let preset = 0_u32.to_le_bytes();
+        let told = |positions: &[(i64, u32)], ms| {
+            let mut encoder = baumer();
+            for (ms, position) in positions {
+                raised(|told| encoder.hear(reading(*position, false, false), at(*ms), told));
+            }
+            raised(|told| encoder.ask_to_write(10, &preset, at(ms), told)).len()
+        };
+        // Polled every 20 ms: it stood still since the last poll but one.
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600), (60, 1600)], 65), 0);
+        // By change of state, every 20 ms while it turned: nothing came for 100 ms.
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600)], 50), 1);
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600)], 140), 0);
     }
 
     #[test]
