@@ -118,8 +118,6 @@ pub(super) struct Connection {
     pub inhibit: Option<u16>,
     /// What the slave does when it times out (attribute 12).
     pub watchdog: Option<u8>,
-    /// It was told that it is used although it is gone, or timed out.
-    pub is_misuse_told: bool,
     /// The slave is not to answer (transport class 0).
     pub is_mute: bool,
     pub produced: Flow,
@@ -177,7 +175,7 @@ impl Connection {
 
     /// Nothing came for too long: it stands so from now on.
     pub const fn time_out(&mut self, state: State, now: Moment) {
-        (self.state, self.since, self.is_misuse_told) = (state, now, false);
+        (self.state, self.since) = (state, now);
     }
 
     /// It is in use from now on.

@@ -163,7 +163,6 @@ impl DeviceNet {
         record.turn = facts.turn;
         record.findings = &self.ledger.judgement.findings;
         record.withheld = &self.ledger.judgement.withheld;
-        record.ongoing = &self.ledger.judgement.ongoing;
         out.emit(record);
     }
 

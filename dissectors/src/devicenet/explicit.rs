@@ -186,15 +186,11 @@ impl Ledger {
         }
     }
 
-    /// I/O or requests on a connection that was released, timed out or went with a restart: told
-    /// once, until it is allocated anew.
+    /// I/O or requests on a connection that was released, timed out or went with a restart.
     pub fn tell_unallocated(&mut self, slave: MacId, instance: Instance) {
         let connection = self.nodes[slave.index()].connection(instance);
         if connection.is_judged() {
             return;
-        }
-        if core::mem::replace(&mut connection.is_misuse_told, true) {
-            return self.judgement.ongoing.push(&codes::NOT_ALLOCATED);
         }
         // Of a connection that was released, no rate is known any more.
         let mut finding = Finding::new(&codes::NOT_ALLOCATED);

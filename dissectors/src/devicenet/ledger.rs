@@ -35,8 +35,6 @@ pub(super) struct Now<'a> {
 pub(super) struct Judgement {
     pub findings: Vec<Finding>,
     pub withheld: Vec<&'static Code>,
-    /// What was told before and holds here once more: to be counted.
-    pub ongoing: Vec<&'static Code>,
 }
 
 impl Judgement {
@@ -65,7 +63,6 @@ impl Judgement {
     pub fn clear(&mut self) {
         self.findings.clear();
         self.withheld.clear();
-        self.ongoing.clear();
     }
 }
 

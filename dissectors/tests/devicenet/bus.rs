@@ -26,8 +26,6 @@ pub struct Told {
     /// What is said about each.
     pub messages: Vec<String>,
     pub withheld: Vec<&'static str>,
-    /// Codes that are only counted.
-    pub ongoing: Vec<&'static str>,
     /// The protocol's fields that apply, without `devicenet.`.
     pub fields: BTreeMap<&'static str, String>,
 }
@@ -75,7 +73,6 @@ impl Sink for Recorder {
             codes: codes.collect(),
             messages,
             withheld: record.withheld.iter().map(|code| code.name).collect(),
-            ongoing: record.ongoing.iter().map(|code| code.name).collect(),
             fields: fields.collect(),
         });
     }

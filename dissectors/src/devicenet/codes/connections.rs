@@ -273,7 +273,7 @@ pub static NOT_ALLOCATED: Code = Code {
     is_cause: false,
     meaning: "A connection is used that was released, has timed out, or went with a restart.",
     rule: "A slave takes messages only on connections that are allocated and established (CIP Vol. 3, chapter 5).",
-    evidence: "The release, time-out or restart was seen, and no allocation since. Told once until it is allocated anew; what follows is counted. An explicit connection that nobody uses goes by itself after 10 s, or four times its rate: nothing is wrong with that, and it is told only here.",
+    evidence: "The release, time-out or restart was seen, and no allocation since. Told on each such frame, until it is allocated anew. An explicit connection that nobody uses goes by itself after 10 s, or four times its rate: nothing is wrong with that, and it is told only here.",
     causes: &[
         "the master has not noticed yet that the slave timed out or restarted",
         "the slave's own rate is longer than what was seen",
