@@ -40,13 +40,16 @@ pub struct Sampling {
     pub origin: Moment,
 }
 
-/// What was on the wire so far, good or bad: characters of a serial line or frames of a CAN bus.
+/// What was on the wire so far, good or bad: characters of a serial line, frames of a CAN bus,
+/// rows of words.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LineCounts {
     /// CAN frames, error frames included.
     pub frames: u64,
     /// Error frames among them.
     pub error_frames: u64,
+    /// Rows of words.
+    pub rows: u64,
     /// Characters.
     pub characters: u64,
     /// Characters with a parity or framing error.

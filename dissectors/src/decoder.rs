@@ -4,6 +4,7 @@ use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
+use crate::interbus;
 use crate::protocol::{
     Beginning, Conclusion, Dissector, Medium, PROTOCOLS, Protocol, Settings, Speaks,
 };
@@ -151,6 +152,7 @@ impl Decoder {
                 let is_error = |frame: &&Frame| frame.kind == FrameKind::Error;
                 counts.error_frames += frames.iter().filter(is_error).count() as u64;
             }
+            Event::Rows(rows) => counts.rows += rows.len() as u64,
             Event::Break(_) => counts.breaks += 1,
             Event::Lost(_) => counts.losses += 1,
             Event::Levels(_) | Event::Advance(_) => {}
@@ -160,6 +162,11 @@ impl Decoder {
     fn hold(&mut self, mut wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
         if let (Event::Frames(_), Some(rate)) = (event, self.settings.can.bitrate) {
             wire = Wire::new(Some(rate), wire.format());
+        }
+        if let Event::Rows(_) = event {
+            // Words are of one protocol alone: there is nothing to find out.
+            self.find_out(wire, out);
+            return self.pass_on(event, out);
         }
         let Stage::Finding { held, since } = &mut self.stage else { return };
         let mut rest = None;
@@ -189,7 +196,7 @@ impl Decoder {
                 loss.start
             }
             Event::Advance(now) => now,
-            Event::Levels(_) => return,
+            Event::Levels(_) | Event::Rows(_) => return,
         };
         let is_long = since.is_known() && now.is_after(since.plus(HELD_NS));
         let is_full = held.len() >= HELD;
@@ -233,7 +240,8 @@ impl Decoder {
     }
 
     fn must_find_rate(&self, wire: Wire) -> bool {
-        wire.baud().is_none() && self.can_find_rate
+        let has_rate = self.told != Some(Medium::Words);
+        has_rate && wire.baud().is_none() && self.can_find_rate
     }
 
     fn find_rate(&mut self, mut wire: Wire, characters: &[Character], frames: &[Frame]) -> Wire {
@@ -267,6 +275,7 @@ impl Decoder {
         let given = self.settings.protocol.map(|protocol| protocol.medium);
         let given = self.told.or(given).unwrap_or(Medium::Serial);
         let medium = match (frames, characters) {
+            _ if self.told == Some(Medium::Words) => Medium::Words,
             ([], []) => given,
             ([], _) => Medium::Serial,
             _ => Medium::Can,
@@ -292,6 +301,7 @@ impl Decoder {
         match medium {
             Medium::Serial => (&uart::PROTOCOL, note),
             Medium::Can => (&can::PROTOCOL, note),
+            Medium::Words => (&interbus::PROTOCOL, note),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::can::{asc, candump, console, trc};
 use super::rows::shown;
 use super::{Input, InputFormat, Place, SourceError};
-use super::{chars, parmrk, pcap, pcapng, saleae, sr, uart9, vcd};
+use super::{chars, interbus, parmrk, pcap, pcapng, saleae, sr, uart9, vcd};
 use clap::ValueEnum;
 
 /// Finds the format of a source from as few bytes as tell it.
@@ -28,6 +28,7 @@ fn recognize(head: &[u8]) -> Option<InputFormat> {
         (sr::is_zip(head) && !is_saleae_session(head), InputFormat::Sr),
         (vcd::is_dump(head), InputFormat::Vcd),
         (chars::is_header(head), InputFormat::Chars),
+        (interbus::log::is_header(head), InputFormat::InterbusLog),
     ];
     let found = formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format);
     found.or_else(|| saleae::format_of(head)).or_else(|| can_log(head))

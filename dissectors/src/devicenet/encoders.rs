@@ -7,10 +7,11 @@ use super::cip::class as object;
 use super::codes;
 use super::eds::{self, Eds};
 use super::encoder::codes as encoder_codes;
-use super::encoder::{Assembly, Devices, Led, NodeState, Profile, Reading, Watch, baumer};
+use super::encoder::{Assembly, Led, NodeState, Profile, Reading, Watch, baumer};
 use super::identifier::{MAC_IDS, MacId};
 use super::layer::{Facts, kind};
 use super::message::{Service, Target, service};
+use crate::device::Devices;
 use crate::event::Moment;
 use crate::finding::Finding;
 use crate::protocol::Conclusion;
@@ -68,8 +69,9 @@ impl Encoders {
     pub fn new(devices: &Devices, files: &Arc<[Eds]>) -> Self {
         let mut stations = alloc::vec![Station::default(); MAC_IDS];
         for (station, profile) in devices {
-            if let Some(station) = stations.get_mut(usize::from(*station)) {
-                station.bind(*profile, "--device says so".to_owned());
+            let place = stations.get_mut(usize::from(*station));
+            if let Some((station, profile)) = place.zip(profile.on_devicenet()) {
+                station.bind(profile, "--device says so".to_owned());
             }
         }
         Encoders { stations, files: Arc::clone(files) }

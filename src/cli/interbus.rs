@@ -1,0 +1,26 @@
+//! The options that only INTERBUS has.
+
+use crate::source::Layout;
+use clap::Args;
+use dissectors::interbus::Settings;
+
+/// How logs of a ring are written, and what is known of it.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "INTERBUS")]
+pub struct Interbus {
+    /// The log has a row for every bus cycle: states that it does not show were skipped.
+    #[arg(long)]
+    pub every_cycle: bool,
+}
+
+impl Interbus {
+    /// How its logs are written.
+    pub fn layout(&self) -> Layout {
+        Layout {}
+    }
+
+    /// What the ring is judged by.
+    pub fn settings(&self) -> Settings {
+        Settings { every_cycle: self.every_cycle, ..Settings::default() }
+    }
+}
