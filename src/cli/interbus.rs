@@ -1,8 +1,9 @@
 //! The options that only INTERBUS has.
 
-use crate::source::Layout;
+use crate::source::interbus::{Layout, LengthCodes, Mapping, Order, Radix, RingMap, TimeUnit};
 use clap::Args;
 use dissectors::interbus::Settings;
+use std::path::PathBuf;
 
 /// How logs of a ring are written, and what is known of it.
 #[derive(Args, Debug)]
@@ -11,12 +12,61 @@ pub struct Interbus {
     /// The log has a row for every bus cycle: states that it does not show were skipped.
     #[arg(long)]
     pub every_cycle: bool,
+
+    /// Which columns of a log are which, by name or number from 1, such as
+    /// time=Timestamp,out=QD10,in=4. Names: time, date, device, out, in (32 bits), out1, out2, in1,
+    /// in2 (16 bits); id, ident, length; status, parameter, slave, message.
+    #[arg(long, value_name = "NAME=COLUMN,...", value_parser = Mapping::parse)]
+    pub columns: Option<Mapping>,
+
+    /// The columns of several devices in one row, such as 1=QD10/ID10,2=QW20+QW22/IW20+IW22.
+    #[arg(long, value_name = "DEVICE=OUT/IN,...", value_parser = RingMap::parse)]
+    pub ring_map: Option<RingMap>,
+
+    /// How words are written. Default: hex, ident and length codes decimal.
+    #[arg(long, value_name = "RADIX")]
+    pub words: Option<Radix>,
+
+    /// Which word of two is bits 31 to 16.
+    #[arg(long, value_name = "ORDER", default_value = "high-first")]
+    pub word_order: Order,
+
+    /// Which byte of a word is the first.
+    #[arg(long, value_name = "ORDER", default_value = "high-first")]
+    pub byte_order: Order,
+
+    /// Unit of times that are bare numbers.
+    #[arg(long, value_name = "UNIT", default_value = "s")]
+    pub time_unit: TimeUnit,
+
+    /// A second log, joined to the first by time: OUT in one, IN in the other.
+    #[arg(long, value_name = "FILE")]
+    pub join: Option<PathBuf>,
+
+    /// Columns of the second log, where they are not those of --columns.
+    #[arg(long, value_name = "NAME=COLUMN,...", value_parser = Mapping::parse, requires = "join")]
+    pub join_columns: Option<Mapping>,
+
+    /// What length codes beside ident codes are: the five bits of an ID word, or the eight that
+    /// data sheets are reported to print (unverified).
+    #[arg(long, value_name = "KIND", default_value = "chip")]
+    pub length_codes: LengthCodes,
 }
 
 impl Interbus {
     /// How its logs are written.
     pub fn layout(&self) -> Layout {
-        Layout {}
+        Layout {
+            columns: self.columns.clone().unwrap_or_default(),
+            ring: self.ring_map.clone().unwrap_or_default(),
+            words: self.words,
+            word_order: self.word_order,
+            byte_order: self.byte_order,
+            time_unit: self.time_unit,
+            length_codes: self.length_codes,
+            join: self.join.clone(),
+            join_columns: self.join_columns.clone(),
+        }
     }
 
     /// What the ring is judged by.
