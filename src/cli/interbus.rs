@@ -2,7 +2,8 @@
 
 use crate::source::interbus::{Layout, LengthCodes, Mapping, Order, Radix, RingMap, TimeUnit};
 use clap::Args;
-use dissectors::interbus::Settings;
+use dissectors::interbus::diagnostic::{self, Generation};
+use dissectors::interbus::{Master, Settings};
 use std::path::PathBuf;
 
 /// How logs of a ring are written, and what is known of it.
@@ -51,6 +52,15 @@ pub struct Interbus {
     /// data sheets are reported to print (unverified).
     #[arg(long, value_name = "KIND", default_value = "chip")]
     pub length_codes: LengthCodes,
+
+    /// Generation of the master, whose registers and messages are logged. Default: 4.
+    #[arg(long, value_name = "N", value_parser = generation)]
+    pub generation: Option<Generation>,
+
+    /// Which bit is which in the diagnostic register of generation 3, from bit 0 on. It is not
+    /// published; the default is a guess: MOD,LB,RB,CTRL,BSA,RUN,BASP,READY
+    #[arg(long, value_name = "NAMES", value_parser = third)]
+    pub generation_3_bits: Option<diagnostic::Order>,
 }
 
 impl Interbus {
@@ -71,6 +81,21 @@ impl Interbus {
 
     /// What the ring is judged by.
     pub fn settings(&self) -> Settings {
-        Settings { every_cycle: self.every_cycle, ..Settings::default() }
+        let third = self.generation_3_bits.unwrap_or_default();
+        let master = Master { generation: self.generation, third };
+        Settings { every_cycle: self.every_cycle, master, ..Settings::default() }
     }
+}
+
+fn generation(text: &str) -> Result<Generation, &'static str> {
+    match text {
+        "3" => Ok(Generation::Three),
+        "4" => Ok(Generation::Four),
+        _ => Err("masters are of generation 3 or 4"),
+    }
+}
+
+fn third(text: &str) -> Result<diagnostic::Order, String> {
+    let names = diagnostic::THIRD.join(",");
+    diagnostic::Order::parse(text).ok_or_else(|| format!("not all of {names}, in any order"))
 }

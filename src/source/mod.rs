@@ -215,7 +215,7 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
             Box::new(Reading::new(interbus::log::Log::new(input, options)?))
         }
         InputFormat::InterbusId => {
-            Box::new(Reading::new(interbus::identification::Table::new(input, options)?))
+            Box::new(Reading::new(interbus::identification::List::new(input, options)?))
         }
         InputFormat::InterbusDiagnostic => {
             Box::new(Reading::new(interbus::diagnostic::Registers::new(input, options)?))

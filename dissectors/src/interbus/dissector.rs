@@ -2,6 +2,7 @@
 
 use super::PROTOCOL;
 use super::layer::{Facts, kind};
+use super::report::{Master, Report};
 use super::row::{Content, Row};
 use crate::event::{Event, Moment};
 use crate::finding::Finding;
@@ -13,6 +14,7 @@ use alloc::vec::Vec;
 /// A ring that is being listened to.
 pub struct Interbus {
     wire: Wire,
+    master: Master,
     at_end: Vec<Finding>,
 }
 
@@ -20,8 +22,7 @@ impl Interbus {
     /// A ring of which nothing was heard yet.
     #[must_use]
     pub fn new(wire: Wire, settings: &protocol::Settings) -> Self {
-        let _ = settings;
-        Interbus { wire, at_end: Vec::new() }
+        Interbus { wire, master: settings.interbus.master, at_end: Vec::new() }
     }
 
     fn row(&mut self, bus: &BusInfo, row: &Row, out: &mut Output<'_>) {
@@ -32,7 +33,8 @@ impl Interbus {
                 kind::DIAGNOSTIC
             }
         };
-        let facts = Facts { row: Some(row) };
+        let report = Report::of(row, self.master);
+        let facts = Facts { row: Some(row), report };
         let mut record = Record::new(&PROTOCOL, kind, (bus, self.wire), &facts).of_row(row);
         record.station = row.device.map(|device| device.number());
         out.emit(record);

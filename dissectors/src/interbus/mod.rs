@@ -11,15 +11,20 @@
 //! [`row`] is what a source hands in.
 
 mod codes;
+pub mod diagnostic;
 mod dissector;
+pub mod identification;
 mod layer;
+pub mod message;
 mod profile;
+mod report;
 pub mod row;
 mod settings;
 
 pub use dissector::Interbus;
 pub use layer::FIELDS;
 pub use profile::Profile;
+pub use report::{Master, Report};
 pub use row::{Content, Device, Row};
 pub use settings::{LIMITS, Settings};
 

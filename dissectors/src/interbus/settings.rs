@@ -1,5 +1,6 @@
 //! What INTERBUS traffic is read and judged by.
 
+use super::report::Master;
 use crate::limit::Limit;
 
 /// What the user decided; the defaults are those of the manuals, or usual ones where they have none.
@@ -11,6 +12,8 @@ pub struct Settings {
     pub no_release_ns: i64,
     /// The log has a row for every bus cycle: a state that it does not show was skipped.
     pub every_cycle: bool,
+    /// How the registers and messages of a master are read.
+    pub master: Master,
 }
 
 impl Default for Settings {
@@ -19,6 +22,7 @@ impl Default for Settings {
             no_acknowledge_ns: 1_000_000_000,
             no_release_ns: 1_000_000_000,
             every_cycle: false,
+            master: Master::default(),
         }
     }
 }

@@ -132,7 +132,12 @@ fn site(header: &Header, mapping: &Mapping, names: [&str; 3]) -> Result<Option<S
         (None, Some(first), Some(second)) => Some(Site::Two(first, second)),
         (None, None, None) => None,
         _ => {
-            return Err(format!("{} and {} belong together: {}", names[1], names[2], header.told()));
+            return Err(format!(
+                "{} and {} belong together: {}",
+                names[1],
+                names[2],
+                header.told()
+            ));
         }
     })
 }

@@ -5,18 +5,14 @@
 
 use super::super::outbox::{Outbox, Reader};
 use super::super::{Input, SourceError, SourceOptions};
-use super::BUS;
 use super::columns::Columns;
 use super::join::Join;
 use super::layout::{Layout, Mapping, Radix};
 use super::stamps::Stamps;
 use super::table::{Cells, Header, Table};
 use super::words::{Words, is_surely_hex, number};
-use dissectors::bus::WireFacts;
-use dissectors::event::Clock;
+use super::{BUS, announce};
 use dissectors::interbus::{Content, Device, Row};
-use dissectors::protocol::Medium;
-use dissectors::record::BusInfo;
 
 /// What the format is called in messages.
 const NAME: &str = "a log of process words";
@@ -59,9 +55,7 @@ impl Log {
     }
 
     fn announce(&mut self, out: &mut Outbox) {
-        let clock = self.first.columns.time.map(|_| Clock::Log);
-        let facts = WireFacts { medium: Some(Medium::Words), ..WireFacts::default() };
-        out.bus(BusInfo::new(BUS, clock), facts);
+        announce(self.first.columns.time.is_some(), out);
         for file in [&self.first].into_iter().chain(self.join.as_ref().map(Join::second)) {
             if file.looks_decimal {
                 let what = "no word in the first lines has a digit above 9: they are read as hex; \
