@@ -17,7 +17,7 @@ pub struct Interbus {
     /// Which columns of a log are which, by name or number from 1, such as
     /// time=Timestamp,out=QD10,in=4. Names: time, date, device, out, in (32 bits), out1, out2, in1,
     /// in2 (16 bits); id, ident, length; status, parameter, slave, message.
-    #[arg(long, value_name = "NAME=COLUMN,...", value_parser = Mapping::parse)]
+    #[arg(id = "log_columns", long = "columns", value_name = "NAME=COLUMN,...", value_parser = Mapping::parse)]
     pub columns: Option<Mapping>,
 
     /// The columns of several devices in one row, such as 1=QD10/ID10,2=QW20+QW22/IW20+IW22.

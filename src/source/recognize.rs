@@ -104,7 +104,9 @@ fn advice(head: &[u8]) -> String {
     }
     let first = head.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
     let looks = if is_text(first) {
-        format!("this is text, and no format that is known begins with {}", shown(first))
+        let is_table = first.iter().any(|byte| b",;\t".contains(byte));
+        let table = if is_table { interbus::TABLE } else { "" };
+        format!("this is text, and no format that is known begins with {}{table}", shown(first))
     } else if uart9::fits(head) {
         "this looks like 16-bit words of a 9-bit UART: try --input-format uart9".to_owned()
     } else if parmrk::fits(head) {

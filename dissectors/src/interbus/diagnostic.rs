@@ -89,7 +89,7 @@ const MEANINGS: [(&str, &str); 13] = [
     ("RB", "remote bus error"),
     ("LB", "local bus error"),
     ("USER", "operating error"),
-    ("PF", "peripheral fault (the bus runs on)"),
+    ("PF", "peripheral fault, the bus runs on"),
     ("MOD", "module error"),
     ("DETECT", "being located"),
     ("BSA", "a segment is switched off"),
@@ -202,22 +202,22 @@ impl Registers {
         out: &mut dyn fmt::Write,
     ) -> fmt::Result {
         let flags = self.flags(generation, third);
-        write!(out, "{flags}")?;
-        let mut separator = ": ";
+        let mut separator = "";
         for (_, meaning) in MEANINGS.iter().filter(|(name, _)| flags.has(name)) {
             write!(out, "{separator}{meaning}")?;
             separator = ", ";
         }
-        if separator == ": " && flags.has("RUN") {
-            out.write_str(": the ring runs")?;
+        if separator.is_empty() {
+            out.write_str(if flags.has("RUN") { "the ring runs" } else { "no fault" })?;
         }
         if let Some(parameter) = self.parameter(generation) {
             write!(out, "; {parameter}")?;
         }
-        match generation {
-            Generation::Three if !third.is_known => out.write_str(" (order of bits assumed)"),
-            _ => Ok(()),
-        }
+        let doubt = match generation {
+            Generation::Three if !third.is_known => "; order of bits assumed",
+            _ => "",
+        };
+        write!(out, " ({flags}{doubt})")
     }
 }
 
@@ -305,43 +305,43 @@ mod tests {
     #[test]
     fn worked_registers_of_generation_4() {
         let said = |status, parameter| said(Generation::Four, status, parameter);
-        assert_eq!(said(0x00E0, None), "RUN ACTIVE READY: the ring runs");
+        assert_eq!(said(0x00E0, None), "the ring runs (RUN ACTIVE READY)");
         assert_eq!(
             said(0x00E2, Some(0x0301)),
-            "PF RUN ACTIVE READY: peripheral fault (the bus runs on); device 3.1"
+            "peripheral fault, the bus runs on; device 3.1 (PF RUN ACTIVE READY)"
         );
-        assert_eq!(said(0x00C4, None), "BUS ACTIVE READY: bus error");
-        assert_eq!(said(0x00D4, None), "BUS DETECT ACTIVE READY: bus error, being located");
+        assert_eq!(said(0x00C4, None), "bus error (BUS ACTIVE READY)");
+        assert_eq!(said(0x00D4, None), "bus error, being located (BUS DETECT ACTIVE READY)");
         assert_eq!(
             said(0x40E0, None),
-            "RUN ACTIVE READY QUALITY: transmission quality not reached"
+            "transmission quality not reached (RUN ACTIVE READY QUALITY)"
         );
-        assert_eq!(said(0, None), "no bit set");
+        assert_eq!(said(0, None), "no fault (no bit set)");
     }
 
     #[test]
     fn the_parameter_is_a_code_or_a_place() {
         let said = |status, parameter| said(Generation::Four, status, Some(parameter));
-        assert!(said(0x00E1, 0x0A50).ends_with("; code 0A50h: I/O address assigned twice"));
-        assert!(said(0x00E2, 0x0380).ends_with("; segment 3, device not found"));
+        assert!(said(0x00E1, 0x0A50).contains("; code 0A50h: I/O address assigned twice (USER "));
+        assert!(said(0x00E2, 0x0380).contains("; segment 3, device not found (PF "));
         // A bus error has either.
-        assert!(said(0x00C4, 0x0301).ends_with("; device 3.1, or code 0301h"));
+        assert!(said(0x00C4, 0x0301).contains("; device 3.1, or code 0301h (BUS "));
         // CTRL is bit 3, not bit 0 as one driver has it.
-        assert!(said(0x0008, 0x1234).ends_with("; code 1234h"));
-        assert_eq!(said(0x00E0, 0), "RUN ACTIVE READY: the ring runs");
+        assert!(said(0x0008, 0x1234).contains("; code 1234h (CTRL)"));
+        assert_eq!(said(0x00E0, 0), "the ring runs (RUN ACTIVE READY)");
     }
 
     #[test]
     fn the_order_of_generation_3_is_assumed_unless_it_is_said() {
         assert_eq!(
             said(Generation::Three, 0b1010_0100, None),
-            "RB RUN READY: remote bus error (order of bits assumed)"
+            "remote bus error (RB RUN READY; order of bits assumed)"
         );
         let order = Order::parse("ready,basp,run,bsa,ctrl,rb,lb,mod").unwrap();
         let mut text = String::new();
         let registers = Registers { status: 0b0010_0101, parameter: None };
         registers.say(Generation::Three, &order, &mut text).unwrap();
-        assert_eq!(text, "READY RUN RB: remote bus error");
+        assert_eq!(text, "remote bus error (READY RUN RB)");
         for wrong in ["", "mod", "mod,mod,rb,ctrl,bsa,run,basp,ready", "a,b,c,d,e,f,g,h"] {
             assert_eq!(Order::parse(wrong), None, "{wrong}");
         }

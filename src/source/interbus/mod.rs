@@ -21,6 +21,10 @@ pub use layout::{Layout, LengthCodes, Mapping, Order, Radix, RingMap, TimeUnit};
 /// The name of the bus: logs have none.
 const BUS: &str = "ring";
 
+/// What to do about a table that nothing tells to be one of these.
+pub const TABLE: &str = ": if it holds words of an INTERBUS ring, say in which columns, such as \
+                         --columns time=1,out=2,in=3";
+
 /// The ring appears.
 fn announce(has_times: bool, out: &mut Outbox) {
     let facts = WireFacts { medium: Some(Medium::Words), ..WireFacts::default() };
