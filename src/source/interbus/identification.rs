@@ -69,14 +69,16 @@ impl List {
         let mut table = Table::new(input);
         let header = table.header()?;
         let reading = Reading::new(layout);
-        let is_bare = table.first_is(|cells| reading.words.short(cells.last()).is_some())
-            && layout.format().is_none();
+        let is_word = |cells: Cells<'_>| Site::Word(0).read(cells, reading).is_ok();
+        let is_bare = layout.format().is_none()
+            && table.first_is(|cells| cells.count() == 1 && is_word(cells));
         let columns = match is_bare {
             true => Columns { time: None, device: None, word: Site::Word(0) },
             false => Columns::of(&header, layout).map_err(|what| table.error(what))?,
         };
         let is_row = |cells: Cells<'_>| columns.word.read(cells, reading).is_ok();
-        if !is_bare && !(layout.is_by_number() && table.first_is(is_row)) {
+        let has_no_header = is_bare || layout.is_by_number() && table.first_is(is_row);
+        if !has_no_header {
             table.skip_header();
         }
         let stamps = Stamps::new(layout.time_unit, table.delimiter());
@@ -175,8 +177,8 @@ impl Reading {
             LengthCodes::Chip => {
                 let code = number(length, self.parts, 8).and_then(|code| Length::new(code as u8));
                 code.ok_or(
-                    "a length code has five bits, 31 at most: if these are the codes of data \
-                     sheets, say --length-codes data-sheet",
+                    "the length code is no number up to 31: mark hex as 0Ah, or say --words hex; \
+                     if it is of eight bits, say --length-codes data-sheet",
                 )?
             }
             // Data sheets print them in hex.
@@ -237,7 +239,7 @@ mod tests {
     fn what_is_wrong_is_told_with_its_line() {
         let said = read("device,ident,length\n1,51,2\n2,33x,2\n3,51,129\n0,51,2\n");
         assert!(said[2].starts_with("warning: test: line 3: the ident code"), "{said:?}");
-        assert!(said[3].contains("line 4: a length code has five bits"));
+        assert!(said[3].contains("line 4: the length code is no number up to 31"));
         assert!(said[4].contains("line 5: there is no such device"));
         assert!(read("pos,code\n")[0].contains("the columns are \"pos\" \"code\""));
     }

@@ -26,7 +26,8 @@ pub struct Table {
     bad: u64,
 }
 
-/// A line divided into cells.
+/// A line divided into cells. By hand: the csv crate takes as long to divide a row of process words
+/// as all the rest that is done with it, 0.1 µs.
 #[derive(Default)]
 struct Split {
     /// The line without its quotes, if it had any.
