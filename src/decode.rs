@@ -11,7 +11,6 @@ use crate::tally::Tally;
 use crate::verdict::{Learned, Verdict};
 use anyhow::Context;
 use dissectors::can;
-use dissectors::devicenet;
 use dissectors::devicenet::eds::{self, Eds};
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
@@ -234,6 +233,7 @@ fn source_options(decoding: &Decoding) -> SourceOptions {
         unitsize: usize::from(decoding.unitsize),
         baud: decoding.baud.given(),
         frame: decoding.frame.given(),
+        interbus: decoding.interbus.layout(),
     }
 }
 
@@ -254,20 +254,21 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         Some(path) => crate::stations::read(path)?,
         None => Stations::new(),
     };
-    let mut devicenet = devicenet::Settings::default();
-    for (limit, number) in &decoding.limits {
-        limit.set(&mut devicenet, *number);
-    }
-    Ok(Settings {
+    let mut settings = Settings {
         protocol: decoding.protocol.given(),
-        devicenet,
         line,
         can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
+        interbus: decoding.interbus.settings(),
         devices: decoding.devices.iter().copied().collect(),
         eds: read_eds(&decoding.eds, decoding.quiet)?,
         stations,
-    })
+        ..Settings::default()
+    };
+    for (limit, number) in &decoding.limits {
+        limit.set(&mut settings, *number);
+    }
+    Ok(settings)
 }
 
 /// Reads the makers' descriptions. What is wrong in them is said, and the rest is used.

@@ -58,7 +58,20 @@ fn line(buses: &[Bus], several: bool) -> String {
 }
 
 fn line_of(bus: &Bus) -> String {
-    if is_can(bus) { line_of_can(bus) } else { line_of_characters(bus) }
+    match bus.protocol().map(|protocol| protocol.medium) {
+        Some(Medium::Words) => line_of_words(bus),
+        _ if is_can(bus) => line_of_can(bus),
+        _ => line_of_characters(bus),
+    }
+}
+
+fn line_of_words(bus: &Bus) -> String {
+    let LineCounts { rows, losses, .. } = bus.counts();
+    if rows == 0 {
+        return "silent: no rows".to_owned();
+    }
+    let losses = if losses > 0 { format!(", losses: {losses}") } else { String::new() };
+    format!("ok: {}{losses}", counted(rows, "row"))
 }
 
 /// Whether frames were heard on it, or would be.

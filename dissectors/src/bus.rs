@@ -41,7 +41,8 @@ pub struct Sampling {
     pub origin: Moment,
 }
 
-/// What was on the wire so far, good or bad: characters of a serial line or frames of a CAN bus.
+/// What was on the wire so far, good or bad: characters of a serial line, frames of a CAN bus,
+/// rows of words.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LineCounts {
     /// CAN frames, error frames included.
@@ -50,6 +51,8 @@ pub struct LineCounts {
     pub error_frames: u64,
     /// Frames that came while the bit rate was not known.
     pub frames_without_rate: u64,
+    /// Rows of words.
+    pub rows: u64,
     /// Characters.
     pub characters: u64,
     /// Characters with a parity or framing error.

@@ -4,6 +4,7 @@ use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load, RateSearch};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
+use crate::interbus;
 use crate::measure::Measurement;
 use crate::protocol::{
     Beginning, Conclusion, Dissector, Medium, PROTOCOLS, Protocol, Settings, Speaks,
@@ -165,6 +166,7 @@ impl Decoder {
                 let is_error = |frame: &&Frame| frame.kind == FrameKind::Error;
                 counts.error_frames += frames.iter().filter(is_error).count() as u64;
             }
+            Event::Rows(rows) => counts.rows += rows.len() as u64,
             Event::Break(_) => counts.breaks += 1,
             Event::Lost(_) => counts.losses += 1,
             Event::Levels(_) | Event::Advance(_) => {}
@@ -174,6 +176,11 @@ impl Decoder {
     fn hold(&mut self, mut wire: Wire, event: Event<'_>, out: &mut Output<'_>) {
         if let (Event::Frames(_), Some(rate)) = (event, self.settings.can.bitrate) {
             wire = Wire::new(Some(rate), wire.format());
+        }
+        if let Event::Rows(_) = event {
+            // Words are of one protocol alone: there is nothing to find out.
+            self.find_out(wire, out);
+            return self.pass_on(event, out);
         }
         let Stage::Finding { held, since } = &mut self.stage else { return };
         let mut rest = None;
@@ -203,7 +210,7 @@ impl Decoder {
                 loss.start
             }
             Event::Advance(now) => now,
-            Event::Levels(_) => return,
+            Event::Levels(_) | Event::Rows(_) => return,
         };
         let is_long = since.is_known() && now.is_after(since.plus(HELD_NS));
         let is_full = held.len() >= HELD;
@@ -291,7 +298,8 @@ impl Decoder {
     }
 
     fn must_find_rate(&self, wire: Wire) -> bool {
-        wire.baud().is_none() && self.can_find_rate
+        let has_rate = self.told != Some(Medium::Words);
+        has_rate && wire.baud().is_none() && self.can_find_rate
     }
 
     fn find_rate(&mut self, mut wire: Wire, characters: &[Character], frames: &[Frame]) -> Wire {
@@ -325,6 +333,7 @@ impl Decoder {
         let given = self.settings.protocol.map(|protocol| protocol.medium);
         let given = self.told.or(given).unwrap_or(Medium::Serial);
         let medium = match (frames, characters) {
+            _ if self.told == Some(Medium::Words) => Medium::Words,
             ([], []) => given,
             ([], _) => Medium::Serial,
             _ => Medium::Can,
@@ -350,6 +359,7 @@ impl Decoder {
         match medium {
             Medium::Serial => (&uart::PROTOCOL, note),
             Medium::Can => (&can::PROTOCOL, note),
+            Medium::Words => (&interbus::PROTOCOL, note),
         }
     }
 }

@@ -1,9 +1,10 @@
 //! What a tap can hear.
 //!
-//! Everything a dissector takes in is an [`Event`]: characters, CAN frames, line levels, a break, a
-//! loss, or the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
+//! Everything a dissector takes in is an [`Event`]: characters, CAN frames, rows of words,
+//! line levels, a break, a loss, or the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
 
 use crate::can::Frame;
+use crate::interbus::Row;
 use crate::uart::Character;
 
 /// A point in time on the wire: nanoseconds since the Unix epoch or, where the source has no
@@ -153,6 +154,8 @@ pub enum Event<'a> {
     Characters(&'a [Character]),
     /// CAN frames, in the order they were on the wire.
     Frames(&'a [Frame]),
+    /// Rows of words, in the order they were logged.
+    Rows(&'a [Row]),
     /// Line levels, to be decoded into characters or frames.
     Levels(Levels<'a>),
     /// A break.

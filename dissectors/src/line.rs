@@ -40,6 +40,8 @@ impl Line {
         match settings.protocol.map(|protocol| protocol.medium) {
             Some(Medium::Serial) => Line::Serial(Box::new(uart::Line::new(sampling, given))),
             Some(Medium::Can) => Line::Can(can::Line::new(sampling, settings.can, given.inverted)),
+            // Lines of words are not read yet.
+            Some(Medium::Words) => Line::None,
             None if settings.can.bitrate.is_some() => {
                 Line::Can(can::Line::new(sampling, settings.can, given.inverted))
             }

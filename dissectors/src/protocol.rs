@@ -1,22 +1,23 @@
 //! The list of protocols, and what each of them has to offer.
 
 use crate::can::{Frame, Load};
+use crate::device::Devices;
 use crate::devicenet::eds::Eds;
-use crate::devicenet::encoder::Devices;
 use crate::event::{Event, Moment};
 use crate::field::{Field, FieldId, Role};
 use crate::finding::{Code, Finding};
+use crate::limit::Limit;
 use crate::measure::Measurement;
 use crate::record::{BusInfo, Output};
 use crate::station::Stations;
 use crate::uart::{Character, Wire};
-use crate::{can, devicenet, slin, uart};
+use crate::{can, devicenet, interbus, slin, uart};
 use alloc::{boxed::Box, string::String, sync::Arc, vec::Vec};
 
 /// Every protocol that can be spoken on a bus, the most particular first: `auto` takes the first
 /// that the traffic speaks for. A new one is added here and nowhere else.
-pub static PROTOCOLS: [&Protocol; 4] =
-    [&slin::PROTOCOL, &devicenet::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
+pub static PROTOCOLS: [&Protocol; 5] =
+    [&slin::PROTOCOL, &devicenet::PROTOCOL, &interbus::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
 
 /// The first field with each role, by protocol: statistics ask for them with every record.
 static ROLES: [[Option<FieldId>; Role::COUNT]; PROTOCOLS.len()] = {
@@ -46,6 +47,8 @@ pub struct Protocol {
     pub fields: &'static [Field],
     /// Its finding codes.
     pub codes: &'static [&'static Code],
+    /// The limits of its judgement that the user can set.
+    pub limits: &'static [Limit],
     /// What it travels on.
     pub medium: Medium,
     /// Whether the beginning of a bus of its medium speaks for it.
@@ -101,7 +104,9 @@ pub struct Settings {
     pub slin: slin::Settings,
     /// The limits that DeviceNet traffic is judged by.
     pub devicenet: devicenet::Settings,
-    /// DeviceNet stations whose encoder profile is known.
+    /// What INTERBUS traffic is read and judged by.
+    pub interbus: interbus::Settings,
+    /// Stations whose device profile is known.
     pub devices: Devices,
     /// The makers' descriptions of DeviceNet devices.
     pub eds: Arc<[Eds]>,
@@ -116,6 +121,8 @@ pub enum Medium {
     Serial,
     /// CAN frames.
     Can,
+    /// Words of process data, as a controller logs them or a ring carries them.
+    Words,
 }
 
 /// What was heard first on a bus: some hundred characters or frames.

@@ -4,6 +4,7 @@ use crate::can::Frame;
 use crate::event::{Break, Clock, Loss, LossCause, Moment};
 use crate::field::{Field, FieldId, Kind, Role, Value};
 use crate::finding::{Code, Finding};
+use crate::interbus::Row;
 use crate::protocol::Protocol;
 use crate::uart::{self, Character, ParityMarks, Wire};
 use alloc::string::String;
@@ -16,6 +17,8 @@ pub enum Heard<'a> {
     Characters(&'a [Character]),
     /// This frame.
     Frame(&'a Frame),
+    /// This row of words.
+    Row(&'a Row),
     /// A break.
     Break(Break),
     /// A loss.
@@ -149,6 +152,15 @@ impl<'a> Record<'a> {
         self
     }
 
+    /// The same, as told by this row.
+    #[must_use]
+    pub fn of_row(mut self, row: &'a Row) -> Self {
+        self.heard = Heard::Row(row);
+        self.start = row.start;
+        self.uncertainty = row.uncertainty;
+        self
+    }
+
     /// The same, as the record of a break.
     #[must_use]
     pub fn of_break(mut self, event: Break) -> Self {
@@ -204,12 +216,17 @@ impl<'a> Record<'a> {
     /// Whether it carries bytes of the wire, be it none.
     #[must_use]
     pub fn has_bytes(&self) -> bool {
-        matches!(self.heard, Heard::Characters(_) | Heard::Frame(_))
+        matches!(self.heard, Heard::Characters(_) | Heard::Frame(_) | Heard::Row(_))
     }
 
-    /// The bytes on the wire: those of the characters, or the data of the frame.
+    /// The bytes on the wire: those of the characters, the data of the frame, or the words of the
+    /// row.
     pub fn bytes(&self) -> impl Iterator<Item = u8> + use<'a> {
-        let data = self.frame().map_or(&[][..], Frame::bytes);
+        let data = match self.heard {
+            Heard::Frame(frame) => frame.bytes(),
+            Heard::Row(row) => row.bytes(),
+            _ => &[],
+        };
         self.characters().iter().map(Character::byte).chain(data.iter().copied())
     }
 

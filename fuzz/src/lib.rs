@@ -132,7 +132,8 @@ pub fn frames(bytes: &[u8]) {
     let info = BusInfo::new("bus", Some(Clock::Log));
     let settings = Settings {
         protocol: Protocol::named("devicenet"),
-        devices: [(23, encoder::Profile::BaumerEncoder)].into(),
+        devices: [(23, dissectors::device::Profile::DeviceNet(encoder::Profile::BaumerEncoder))]
+            .into(),
         ..Settings::default()
     };
     let baud = Baud::new(125_000);

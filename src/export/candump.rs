@@ -52,7 +52,9 @@ impl<W: Write> Candump<W> {
                 });
             }
             Heard::Lost(loss) => self.compose_loss(&record.bus.name, loss.count),
-            Heard::Characters(_) | Heard::Break(_) | Heard::Nothing => return Ok(()),
+            Heard::Characters(_) | Heard::Row(_) | Heard::Break(_) | Heard::Nothing => {
+                return Ok(());
+            }
         }
         self.out.write_all(self.line.as_bytes())
     }

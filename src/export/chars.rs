@@ -29,8 +29,7 @@ impl<W: Write> Chars<W> {
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
         if record.protocol.medium != Medium::Serial {
             let what = format!(
-                "{} is a CAN bus, and chars holds characters of a serial line: write pcapng, \
-                 candump, CSV or JSON",
+                "{} is no serial line, and chars holds characters of one: write another format",
                 record.bus.name
             );
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
@@ -43,7 +42,7 @@ impl<W: Write> Chars<W> {
                 characters.iter().try_for_each(|character| self.write_character(character))
             }
             Heard::Break(event) => self.write_line(event.start, 0, "break"),
-            Heard::Lost(_) | Heard::Nothing | Heard::Frame(_) => Ok(()),
+            Heard::Lost(_) | Heard::Nothing | Heard::Frame(_) | Heard::Row(_) => Ok(()),
         }
     }
 

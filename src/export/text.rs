@@ -7,8 +7,9 @@ use crate::terminal::push_clean;
 use anstyle::{AnsiColor, Style};
 use dissectors::event::Moment;
 use dissectors::finding::{Finding, Severity, Span};
+use dissectors::interbus::Row;
 use dissectors::protocol::Medium;
-use dissectors::record::{Record, Sink};
+use dissectors::record::{Heard, Record, Sink};
 use dissectors::uart::{Character, Parity};
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -22,6 +23,8 @@ const BUS: usize = 6;
 /// Columns of the bytes: those of the longest telegram, or of a frame with eight bytes.
 const BYTES: usize = 17;
 const FRAME: usize = 20;
+/// Those of two words out and two in.
+const WORDS: usize = 19;
 
 /// Writes records as a table.
 pub struct Text<W> {
@@ -60,7 +63,11 @@ impl<W: Write> Text<W> {
         if !self.has_header {
             self.has_header = true;
             let (n, time, bus, bytes) = ("n", "time", "bus", "bytes");
-            self.bytes = if record.protocol.medium == Medium::Can { FRAME } else { BYTES };
+            self.bytes = match record.protocol.medium {
+                Medium::Serial => BYTES,
+                Medium::Can => FRAME,
+                Medium::Words => WORDS,
+            };
             let width = self.bytes;
             writeln!(self.out, "{n:>5} {time:>12} {bus:<BUS$} {bytes:<width$}   what")?;
         }
@@ -95,8 +102,10 @@ impl<W: Write> Text<W> {
             let separator = if sentence.is_empty() { "" } else { " " };
             let _ = write!(sentence, "{separator}{:02X}", character.value());
         }
-        if let Some(frame) = record.frame() {
-            write_frame(frame, sentence);
+        match record.heard {
+            Heard::Frame(frame) => write_frame(frame, sentence),
+            Heard::Row(row) => write_words(row, sentence),
+            _ => {}
         }
         let width = self.bytes;
         shorten(sentence, width);
@@ -256,6 +265,17 @@ const fn mark(severity: Severity) -> char {
         Severity::Error => 'E',
         Severity::Warning => 'W',
         Severity::Info => 'i',
+    }
+}
+
+/// The words of a row, in fours of hex digits.
+fn write_words(row: &Row, text: &mut String) {
+    for (index, word) in row.bytes().chunks(2).enumerate() {
+        text.push_str(if index == 0 { "" } else { " " });
+        word.iter().for_each(|byte| {
+            // A String takes any text.
+            let _ = write!(text, "{byte:02X}");
+        });
     }
 }
 

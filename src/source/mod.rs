@@ -8,6 +8,7 @@ mod chars;
 mod damage;
 mod error;
 mod input;
+pub mod interbus;
 mod lanes;
 mod lines;
 mod link;
@@ -33,9 +34,9 @@ mod vcd;
 
 pub use error::{Place, SourceError};
 pub use input::Input;
-
 pub use numbers::{frequency, seconds_in_ns};
 
+use interbus::Layout;
 use outbox::Reading;
 
 use dissectors::bus::WireFacts;
@@ -104,6 +105,12 @@ pub enum InputFormat {
     Trc,
     /// CAN: log of Vector's programs, or BUSMASTER's
     Asc,
+    /// INTERBUS: process words as a controller logged them, as CSV
+    InterbusLog,
+    /// INTERBUS: the ID words of a ring
+    InterbusId,
+    /// INTERBUS: diagnostic registers and host messages
+    InterbusDiagnostic,
 }
 
 /// Most channels of a logic analyzer that are believed: those of a sample of 64 bytes.
@@ -124,6 +131,8 @@ pub struct SourceOptions {
     pub baud: Option<Baud>,
     /// The character format, where the source needs one and does not tell it.
     pub frame: Option<Format>,
+    /// How logs of INTERBUS are written.
+    pub interbus: Layout,
 }
 
 impl SourceOptions {
@@ -189,7 +198,7 @@ pub fn open_stream(
 }
 
 fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    let format = match options.format {
+    let format = match options.format.or_else(|| options.interbus.format()) {
         Some(format) => format,
         None => recognize::format_of(&mut input)?,
     };
@@ -202,6 +211,15 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
         }
         InputFormat::Trc => log(input, options, can::trc::Trc::new()),
         InputFormat::Asc => log(input, options, can::asc::Asc::new()),
+        InputFormat::InterbusLog => {
+            Box::new(Reading::new(interbus::log::Log::new(input, options)?))
+        }
+        InputFormat::InterbusId => {
+            Box::new(Reading::new(interbus::identification::List::new(input, options)?))
+        }
+        InputFormat::InterbusDiagnostic => {
+            Box::new(Reading::new(interbus::diagnostic::Registers::new(input, options)?))
+        }
         InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options))),
         InputFormat::Pcapng => Box::new(Reading::new(pcapng::PcapNg::new(input, options))),
         InputFormat::Sr => Box::new(sr::open(input, options)?),

@@ -8,6 +8,7 @@ use super::{Piece, Source, SourceError};
 use dissectors::bus::WireFacts;
 use dissectors::can::Frame;
 use dissectors::event::{Break, Event, Levels, Loss, Moment};
+use dissectors::interbus::Row;
 use dissectors::record::BusInfo;
 use dissectors::uart::Character;
 use std::collections::VecDeque;
@@ -61,6 +62,7 @@ pub struct Outbox {
     waiting: VecDeque<Waiting>,
     characters: Vec<Character>,
     frames: Vec<Frame>,
+    rows: Vec<Row>,
     edges: Vec<u64>,
     text: String,
 }
@@ -69,6 +71,7 @@ enum Waiting {
     Bus(BusInfo, WireFacts),
     Characters(usize, Range<usize>),
     Frames(usize, Range<usize>),
+    Rows(usize, Range<usize>),
     Levels { bus: usize, edges: Range<usize>, level: bool, from: u64, until: u64 },
     Break(usize, Break),
     Lost(usize, Loss),
@@ -103,9 +106,19 @@ impl Outbox {
         }
     }
 
+    /// A row was logged. Those that follow each other on a bus are handed over together.
+    pub fn row(&mut self, bus: usize, row: Row) {
+        let first = self.rows.len();
+        self.rows.push(row);
+        match self.waiting.back_mut() {
+            Some(Waiting::Rows(last, range)) if *last == bus => range.end = first + 1,
+            _ => self.waiting.push_back(Waiting::Rows(bus, first..first + 1)),
+        }
+    }
+
     /// Whether there is so much in it that it is to be handed over first.
     pub fn is_full(&self) -> bool {
-        self.frames.len().max(self.waiting.len()) >= FULL
+        self.frames.len().max(self.rows.len()).max(self.waiting.len()) >= FULL
     }
 
     /// Line levels were heard.
@@ -147,6 +160,7 @@ impl Outbox {
     fn forget(&mut self) {
         self.characters.clear();
         self.frames.clear();
+        self.rows.clear();
         self.edges.clear();
         self.text.clear();
     }
@@ -157,6 +171,7 @@ impl Outbox {
             Waiting::Characters(bus, range) => {
                 Piece::Heard(bus, Event::Characters(&self.characters[range]))
             }
+            Waiting::Rows(bus, range) => Piece::Heard(bus, Event::Rows(&self.rows[range])),
             Waiting::Frames(bus, range) => Piece::Heard(bus, Event::Frames(&self.frames[range])),
             Waiting::Levels { bus, edges, level, from, until } => {
                 let edges = &self.edges[edges];

@@ -4,6 +4,7 @@ use super::{Input, InputFormat, Piece, Source, SourceOptions, reader_of};
 use dissectors::bus::{Sampling, WireFacts};
 use dissectors::can::{Direction, Frame, FrameKind};
 use dissectors::event::{Event, Moment};
+use dissectors::interbus::Row;
 use dissectors::record::BusInfo;
 
 /// Everything that is read from these bytes, a line a piece. An error ends it.
@@ -61,6 +62,10 @@ fn heard(event: &Event<'_>) -> String {
             let words: Vec<String> = characters.iter().map(|c| format!("{c:?}")).collect();
             words.join(", ")
         }
+        Event::Rows(rows) => {
+            let words: Vec<String> = rows.iter().map(row).collect();
+            words.join(", ")
+        }
         Event::Frames(frames) => {
             let words: Vec<String> = frames.iter().map(frame).collect();
             words.join(", ")
@@ -79,6 +84,12 @@ fn heard(event: &Event<'_>) -> String {
         }
         Event::Advance(time) => format!("nothing until{}", at(*time)),
     }
+}
+
+/// A row: its device, what it holds, and when.
+fn row(row: &Row) -> String {
+    let device = row.device.map_or(String::new(), |device| format!("{} ", device.number()));
+    format!("{device}{:X?}{}±{}", row.content, at(row.start), row.uncertainty)
 }
 
 /// A frame as candump would write it, with what else is known of it.

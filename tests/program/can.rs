@@ -190,11 +190,12 @@ fn forms_for_the_other_medium_are_refused() {
     let scratch = Scratch::new();
     let log = scratch.file("a.log", LOG);
     let chars = scratch.file("b.chars", "time,byte,parity\n0.1,83,ok\n");
-    for (from, to) in [(&log, "out.chars"), (&chars, "out.log")] {
+    let cases = [(&log, "out.chars", "is no serial line"), (&chars, "out.log", "is no CAN bus")];
+    for (from, to, why) in cases {
         let out = scratch.path(to);
         let run = fieldtap(["convert", argument(from), argument(&out)]);
         assert_eq!(run.status, 3, "{}", run.stderr);
-        assert!(run.stderr.contains("CAN bus") && !out.exists(), "{}", run.stderr);
+        assert!(run.stderr.contains(why) && !out.exists(), "{}", run.stderr);
     }
 }
 

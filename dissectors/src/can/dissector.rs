@@ -17,6 +17,7 @@ pub static PROTOCOL: Protocol = Protocol {
     kinds: &[FRAME, ERROR, "lost", "event"],
     fields: FIELDS,
     codes: &codes::CODES,
+    limits: &[],
     medium: Medium::Can,
     speaks: |_| Speaks::Yes(String::from("nothing speaks for another protocol")),
     dissector: |wire, _| Box::new(Can::new(wire)),
@@ -191,7 +192,11 @@ impl Dissector for Can {
                 self.watch.lose();
                 lose(&PROTOCOL, (bus, self.wire), loss, out);
             }
-            Event::Characters(_) | Event::Break(_) | Event::Advance(_) | Event::Levels(_) => {}
+            Event::Characters(_)
+            | Event::Rows(_)
+            | Event::Break(_)
+            | Event::Advance(_)
+            | Event::Levels(_) => {}
         }
     }
 

@@ -256,7 +256,7 @@ impl Dissector for DeviceNet {
             }
             Event::Lost(loss) => self.lose(bus, loss, out),
             Event::Advance(now) => self.pass(bus, now, out),
-            Event::Characters(_) | Event::Break(_) | Event::Levels(_) => {}
+            Event::Characters(_) | Event::Rows(_) | Event::Break(_) | Event::Levels(_) => {}
         }
     }
 

@@ -94,8 +94,9 @@ impl Encoders {
             station.positions = resolution.map(Resolution::positions);
         }
         for (station, profile) in &settings.devices {
-            if let Some(station) = stations.get_mut(usize::from(*station)) {
-                station.bind(*profile, "--device says so".to_owned());
+            let place = stations.get_mut(usize::from(*station));
+            if let Some((station, profile)) = place.zip(profile.on_devicenet()) {
+                station.bind(profile, "--device says so".to_owned());
             }
         }
         Encoders { stations, files: Arc::clone(&settings.eds) }

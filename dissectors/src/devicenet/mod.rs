@@ -53,7 +53,7 @@ mod transactions;
 
 pub use dissector::DeviceNet;
 pub use layer::FIELDS;
-pub use settings::{LIMITS, Limit, Settings};
+pub use settings::{LIMITS, Settings};
 
 use crate::protocol::{Medium, Protocol};
 use alloc::boxed::Box;
@@ -65,6 +65,7 @@ pub static PROTOCOL: Protocol = Protocol {
     kinds: &layer::KINDS,
     fields: &FIELDS,
     codes: &codes::CODES,
+    limits: &LIMITS,
     medium: Medium::Can,
     speaks: signature::speaks,
     dissector: |wire, settings| Box::new(DeviceNet::new(wire, settings)),

@@ -1,5 +1,7 @@
 //! The limits that DeviceNet traffic is judged by.
 
+use crate::limit::Limit;
+
 /// Limits; the defaults are those of the specification, or of the devices where it has none.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Settings {
@@ -50,92 +52,49 @@ impl Default for Settings {
     }
 }
 
-/// A limit that the user can set.
-#[derive(Debug)]
-pub struct Limit {
-    /// Its name on the command line.
-    pub name: &'static str,
-    /// The unit of its number.
-    pub unit: &'static str,
-    /// What it limits.
-    pub meaning: &'static str,
-    /// How many of the unit a setting holds.
-    scale: i64,
-    place: fn(&mut Settings) -> &mut i64,
-}
-
-/// All of them.
+/// Those that the user can set.
 pub static LIMITS: [Limit; 11] = [
-    milliseconds("late-response", "an explicit answer is late", |it| &mut it.late_response_ns),
-    milliseconds("no-response", "an explicit request is given up", |it| &mut it.no_response_ns),
-    milliseconds("poll-response", "answers to polls are counted as slow", |it| {
-        &mut it.poll_response_ns
+    Limit::milliseconds("late-response", "an explicit answer is late", |it| {
+        &mut it.devicenet.late_response_ns
     }),
-    milliseconds("fragment-acknowledge", "a fragment is to be acknowledged", |it| {
-        &mut it.fragment_acknowledge_ns
+    Limit::milliseconds("no-response", "an explicit request is given up", |it| {
+        &mut it.devicenet.no_response_ns
     }),
-    milliseconds("io-acknowledge", "a change-of-state message is to be acknowledged", |it| {
-        &mut it.io_acknowledge_ns
+    Limit::milliseconds("poll-response", "answers to polls are counted as slow", |it| {
+        &mut it.devicenet.poll_response_ns
     }),
-    milliseconds("first-timeout", "a new connection times out at the earliest", |it| {
-        &mut it.first_timeout_ns
+    Limit::milliseconds("fragment-acknowledge", "a fragment is to be acknowledged", |it| {
+        &mut it.devicenet.fragment_acknowledge_ns
     }),
-    milliseconds("check", "a duplicate MAC ID check is over", |it| &mut it.check_ns),
-    milliseconds("check-spacing", "requests of one check follow each other", |it| {
-        &mut it.check_spacing_ns
+    Limit::milliseconds(
+        "io-acknowledge",
+        "a change-of-state message is to be acknowledged",
+        |it| &mut it.devicenet.io_acknowledge_ns,
+    ),
+    Limit::milliseconds("first-timeout", "a new connection times out at the earliest", |it| {
+        &mut it.devicenet.first_timeout_ns
     }),
-    milliseconds("restart", "a node that was heard restarts when it checks", |it| {
-        &mut it.restart_ns
+    Limit::milliseconds("check", "a duplicate MAC ID check is over", |it| {
+        &mut it.devicenet.check_ns
+    }),
+    Limit::milliseconds("check-spacing", "requests of one check follow each other", |it| {
+        &mut it.devicenet.check_spacing_ns
+    }),
+    Limit::milliseconds("restart", "a node that was heard restarts when it checks", |it| {
+        &mut it.devicenet.restart_ns
     }),
     Limit {
         name: "late-production",
         unit: "%",
         meaning: "of its packet rate, a production is late",
         scale: 1,
-        place: |it| &mut it.late_production_percent,
+        place: |it| &mut it.devicenet.late_production_percent,
     },
     Limit {
         name: "flood",
         unit: "%",
         meaning: "of the bit rate, productions flood the bus",
         scale: 10,
-        place: |it| &mut it.flood_permille,
+        place: |it| &mut it.devicenet.flood_permille,
     },
 ];
-
-const fn milliseconds(
-    name: &'static str,
-    meaning: &'static str,
-    place: fn(&mut Settings) -> &mut i64,
-) -> Limit {
-    Limit { name, unit: "ms", meaning, scale: 1_000_000, place }
-}
-
-impl Limit {
-    /// The limit of that name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<&'static Limit> {
-        LIMITS.iter().find(|limit| limit.name == name)
-    }
-
-    /// Sets it to so many of its unit.
-    pub fn set(&self, settings: &mut Settings, number: u32) {
-        *(self.place)(settings) = i64::from(number) * self.scale;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn limits_are_set_by_name_in_their_unit() {
-        let mut settings = Settings::default();
-        for (name, number) in [("late-response", 800), ("flood", 45), ("late-production", 200)] {
-            Limit::named(name).unwrap().set(&mut settings, number);
-        }
-        assert_eq!(settings.late_response_ns, 800_000_000);
-        assert_eq!((settings.flood_permille, settings.late_production_percent), (450, 200));
-        assert!(Limit::named("patience").is_none());
-    }
-}

@@ -39,6 +39,7 @@ pub static PROTOCOL: Protocol = Protocol {
     kinds: &telegram::KINDS,
     fields: telegram::FIELDS,
     codes: &codes::CODES,
+    limits: &[],
     medium: Medium::Serial,
     speaks,
     dissector: |wire, settings| Box::new(Slin::new(wire, settings)),

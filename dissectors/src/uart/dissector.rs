@@ -16,6 +16,7 @@ pub static PROTOCOL: Protocol = Protocol {
     kinds: &[CHARACTER, "break", "lost", "event"],
     fields: FIELDS,
     codes: &super::CODES,
+    limits: &[],
     medium: Medium::Serial,
     speaks: |_| Speaks::Yes(String::from("nothing speaks for another protocol")),
     dissector: |wire, _| Box::new(Uart::new(wire)),
@@ -124,7 +125,7 @@ impl Dissector for Uart {
             Event::Lost(loss) => {
                 out.emit(blank.of_loss(loss));
             }
-            Event::Advance(_) | Event::Levels(_) | Event::Frames(_) => {}
+            Event::Advance(_) | Event::Levels(_) | Event::Frames(_) | Event::Rows(_) => {}
         }
     }
 

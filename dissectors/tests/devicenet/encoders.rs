@@ -2,12 +2,13 @@
 //! answers; the first byte says which master it is.
 
 use crate::bus::{Told, conclusions, decode_with, script};
-use fieldtap_dissectors::devicenet::encoder::Profile;
+use fieldtap_dissectors::device::Profile;
+use fieldtap_dissectors::devicenet::encoder::Profile::BaumerEncoder;
 use fieldtap_dissectors::protocol::Settings;
 use fieldtap_dissectors::station::{Direction, Resolution, Station};
 
 fn encoder() -> Settings {
-    Settings { devices: [(23, Profile::BaumerEncoder)].into(), ..Settings::default() }
+    Settings { devices: [(23, Profile::DeviceNet(BaumerEncoder))].into(), ..Settings::default() }
 }
 
 fn read(settings: Settings, lines: &[(f64, &str)]) -> Vec<Told> {

@@ -96,7 +96,8 @@ impl<W: Write> PcapNg<W> {
         };
         let mut comments = comments(record);
         match record.heard {
-            Heard::Nothing => self.interfaces[interface].pending.extend(comments),
+            // Of words there is not even an interface.
+            Heard::Nothing | Heard::Row(_) => self.interfaces[interface].pending.extend(comments),
             Heard::Characters(characters) => {
                 serial::check(characters, record.bus)?;
                 for run in serial::runs(characters, record.wire) {
@@ -145,6 +146,13 @@ impl<W: Write> PcapNg<W> {
         let (linktype, note) = match record.protocol.medium {
             Medium::Serial => (DataLink::RTAC_SERIAL, serial::note(record)?),
             Medium::Can => (DataLink::CAN_SOCKETCAN, String::new()),
+            Medium::Words => {
+                let what = format!(
+                    "{} is a ring, and pcapng has no link type for its words: write CSV or JSON",
+                    bus.name
+                );
+                return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+            }
         };
         let (clock, pm) = (clock.name(), record.uncertainty);
         let comment = format!("fieldtap-tap: clock={clock} pm_ns={pm}{note}");

@@ -17,10 +17,6 @@ pub use rules::{AT_REST, Known, Turns, Violation, check_position, check_set, dis
 pub use watch::Watch;
 
 use crate::devicenet::cip::{self, Attribute, class};
-use alloc::collections::BTreeMap;
-
-/// Which stations are to be read by which profile, by MAC ID.
-pub type Devices = BTreeMap<u16, Profile>;
 
 /// How a station's objects and I/O data are to be read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -44,6 +40,13 @@ impl Profile {
     /// Every profile, with its name on the command line.
     pub const NAMES: [(&'static str, Profile); 2] =
         [("baumer-encoder", Profile::BaumerEncoder), ("position-sensor", Profile::PositionSensor)];
+
+    /// The profile of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let known = Profile::NAMES.into_iter().find(|(known, _)| *known == name);
+        known.map(|(_, profile)| profile)
+    }
 
     /// The name on the command line.
     #[must_use]

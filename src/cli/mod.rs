@@ -1,11 +1,15 @@
 //! The command line, as the user writes it. What it means is decided in `commands`.
 
+mod interbus;
+
+pub use interbus::Interbus;
+
 use crate::clock::At;
 use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use dissectors::devicenet::encoder::Profile as DeviceProfile;
-use dissectors::devicenet::{LIMITS, Limit};
+use dissectors::device::Profile as DeviceProfile;
+use dissectors::limit::{Limit, limits};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::slin::checksum::Rule;
 use dissectors::slin::{ChecksumChoice, Profile};
@@ -100,20 +104,24 @@ pub struct Decoding {
     #[arg(long, value_name = "FILE", help_heading = "Bus")]
     pub stations: Option<PathBuf>,
 
-    /// DeviceNet: how the objects of a station are read, such as 23=baumer-encoder (repeatable).
-    #[arg(long = "device", value_name = "STATION=PROFILE", value_parser = device, help_heading = "DeviceNet")]
+    /// What a station is, such as 23=baumer-encoder or 1=la66:500mm (repeatable).
+    #[arg(long = "device", value_name = "STATION=PROFILE", value_parser = device, help_heading = "Bus")]
     pub devices: Vec<(u16, DeviceProfile)>,
 
-    /// DeviceNet: another limit than the usual one, such as late-response=800: late-response,
+    /// Another limit than the usual one, such as late-response=800. DeviceNet: late-response,
     /// no-response, poll-response, fragment-acknowledge, io-acknowledge, first-timeout, check,
-    /// check-spacing, restart in ms; late-production in % of the packet rate; flood in % of the bit rate
-    /// (repeatable).
-    #[arg(long = "limit", value_name = "NAME=NUMBER", value_parser = limit, help_heading = "DeviceNet")]
+    /// check-spacing, restart in ms; late-production in % of the packet rate; flood in % of the bit
+    /// rate. INTERBUS: no-acknowledge, no-release in ms (repeatable).
+    #[arg(long = "limit", value_name = "NAME=NUMBER", value_parser = limit, help_heading = "Bus")]
     pub limits: Vec<(&'static Limit, u32)>,
 
     /// DeviceNet: the maker's description of a device, an EDS file (repeatable).
     #[arg(long, value_name = "FILE", help_heading = "DeviceNet")]
     pub eds: Vec<PathBuf>,
+
+    /// What only INTERBUS has.
+    #[command(flatten)]
+    pub interbus: Interbus,
 
     /// How the table shows times.
     #[arg(long, value_name = "STYLE", default_value = "relative", help_heading = "Output")]
@@ -249,7 +257,7 @@ fn format(text: &str) -> Result<Format, String> {
 /// The name of a limit and its number.
 fn limit(text: &str) -> Result<(&'static Limit, u32), String> {
     let wrong = || {
-        let names = LIMITS.iter().map(|limit| format!("{} ({})", limit.name, limit.unit));
+        let names = limits().map(|limit| format!("{} ({})", limit.name, limit.unit));
         let names: Vec<String> = names.collect();
         format!("not a limit and its number, such as late-response=800: {}", names.join(", "))
     };
@@ -257,14 +265,17 @@ fn limit(text: &str) -> Result<(&'static Limit, u32), String> {
     Limit::named(name).zip(number.parse().ok()).ok_or_else(wrong)
 }
 
-/// A MAC ID and the name of a profile.
+/// The number of a station and its profile.
 fn device(text: &str) -> Result<(u16, DeviceProfile), String> {
-    let names = DeviceProfile::NAMES.map(|(name, _)| name).join(" or ");
-    let wrong = || format!("not a station and its profile, such as 23=baumer-encoder: {names}");
-    let (station, name) = text.split_once('=').ok_or_else(wrong)?;
-    let station = station.parse().ok().filter(|station| *station <= 63).ok_or_else(wrong)?;
-    let known = DeviceProfile::NAMES.into_iter().find(|(known, _)| *known == name);
-    known.map(|(_, profile)| (station, profile)).ok_or_else(wrong)
+    let forms = DeviceProfile::FORMS.join(", ");
+    let wrong = || format!("not a station and its profile, such as 23=baumer-encoder: {forms}");
+    let (station, profile) = text.split_once('=').ok_or_else(wrong)?;
+    let (station, profile): (u16, _) =
+        station.parse().ok().zip(DeviceProfile::parse(profile)).ok_or_else(wrong)?;
+    match profile.may_be_at(station) {
+        true => Ok((station, profile)),
+        false => Err(format!("there is no station {station} on the bus of this device")),
+    }
 }
 
 fn frequency(text: &str) -> Result<u64, String> {

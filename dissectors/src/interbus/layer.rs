@@ -1,0 +1,131 @@
+//! What a record of INTERBUS knows.
+
+use super::identification::{Direction, IdWord};
+use super::report::Report;
+use super::row::{Content, Row};
+use crate::field::{FieldId, Kind, Value, fields};
+use crate::record::{Layer, Record};
+use core::fmt;
+
+/// The kinds of records, as the contract names them.
+pub static KINDS: [&str; 11] = [
+    kind::NORMAL,
+    kind::PREPARED,
+    kind::SERVICE_REQUEST,
+    kind::SERVICE_ACKNOWLEDGE,
+    kind::RELEASE,
+    kind::ID_WORD,
+    kind::DIAGNOSTIC,
+    kind::ID_CYCLE,
+    kind::DATA_CYCLE,
+    "lost",
+    "event",
+];
+
+/// The names of the kinds.
+pub mod kind {
+    /// Both service bits are 0.
+    pub const NORMAL: &str = "normal";
+    /// The master has laid out a service, and has not asked for it.
+    pub const PREPARED: &str = "prepared";
+    /// The master asks for a service.
+    pub const SERVICE_REQUEST: &str = "service-request";
+    /// The device has done it.
+    pub const SERVICE_ACKNOWLEDGE: &str = "service-acknowledge";
+    /// The master has withdrawn its request, and the device has not answered that.
+    pub const RELEASE: &str = "release";
+    /// The ID word of a device.
+    pub const ID_WORD: &str = "id-word";
+    /// Diagnostic registers, and messages of the host interface.
+    pub const DIAGNOSTIC: &str = "diagnostic";
+    /// A cycle in which devices tell their ID words.
+    pub const ID_CYCLE: &str = "id-cycle";
+    /// A cycle in which process data goes round.
+    pub const DATA_CYCLE: &str = "data-cycle";
+}
+
+fields! {
+    /// The fields of INTERBUS.
+    pub static FIELDS of Facts {
+        "interbus.out" (Kind::Hex, "", Plain) "process data from the master to the device"
+            => |t| t.process().0.map_or(Value::Absent, Value::Hex);
+        "interbus.in" (Kind::Hex, "", Plain) "process data from the device to the master"
+            => |t| t.process().1.map_or(Value::Absent, Value::Hex);
+        "interbus.device" (Kind::Int(1, 512), "", Plain) "place in the ring, from 1"
+            => |t| t.row.and_then(|row| row.device).map(|device| i64::from(device.number())).into();
+        "interbus.id" (Kind::Hex, "", Plain) "ID word"
+            => |t| t.word(|content| matches!(content, Content::Identification(_)), 0);
+        "interbus.ident" (Kind::Int(0, 255), "", Plain) "ident code: a class of devices"
+            => |t| t.id().map(|id| i64::from(id.ident)).into();
+        "interbus.length_bits" (Kind::Int(0, 512), "bit", Plain) "process data, as the ID word says"
+            => |t| t.id().and_then(|id| id.length.bits()).map(i64::from).into();
+        "interbus.direction" (Kind::OneOf(&Direction::NAMES), "", Plain) "which way process data goes"
+            => |t| t.id().map(|id| id.direction().name()).into();
+        "interbus.message_bits" (Kind::Int(0, 7), "", Plain) "bits 15 to 13 of the ID word"
+            => |t| t.id().map(|id| i64::from(id.messages)).into();
+        "interbus.status" (Kind::Hex, "", Plain) "diagnostic status register"
+            => |t| t.word(|content| matches!(content, Content::Diagnostic { .. }), 0);
+        "interbus.parameter" (Kind::Hex, "", Plain) "diagnostic parameter register"
+            => |t| t.word(|content| matches!(content, Content::Diagnostic { .. }), 1);
+        "interbus.flags" (Kind::List(&Kind::Text), "", Plain) "bits that are set in a register, by name"
+            => |t| t.report.as_ref().map_or(Value::Absent, Report::flags);
+        "interbus.segment" (Kind::Int(0, 255), "", Plain) "segment that the parameter register names"
+            => |t| t.place().map(|(segment, _)| i64::from(segment)).into();
+        "interbus.place" (Kind::Int(0, 127), "", Plain) "device in that segment"
+            => |t| t.place().and_then(|(_, device)| device).map(i64::from).into();
+        "interbus.message" (Kind::Text, "", Plain) "service of a host message"
+            => |t| t.report.as_ref().and_then(Report::message).into();
+    }
+}
+
+/// What is known of a record.
+#[derive(Default)]
+pub struct Facts<'a> {
+    /// The row it was made from.
+    pub row: Option<&'a Row>,
+    /// What the row says, where it holds no process words.
+    pub report: Option<Report<'a>>,
+}
+
+impl Facts<'_> {
+    fn id(&self) -> Option<IdWord> {
+        self.report.as_ref()?.id()
+    }
+
+    fn place(&self) -> Option<(u8, Option<u8>)> {
+        self.report.as_ref()?.place()
+    }
+
+    fn word(&self, is_it: fn(Content) -> bool, index: usize) -> Value<'_> {
+        self.report.as_ref().map_or(Value::Absent, |report| report.word(is_it, index))
+    }
+}
+
+impl<'a> Facts<'a> {
+    /// The words of a row of process data, as bytes.
+    fn process(&self) -> (Option<&'a [u8]>, Option<&'a [u8]>) {
+        let Some(row) = self.row else { return (None, None) };
+        let Content::Process { out, input } = row.content else { return (None, None) };
+        match (out, input) {
+            (Some(_), Some(_)) => (row.bytes().get(..4), row.bytes().get(4..)),
+            (Some(_), None) => (Some(row.bytes()), None),
+            _ => (None, Some(row.bytes())),
+        }
+    }
+}
+
+impl Layer for Facts<'_> {
+    fn get(&self, field: FieldId) -> Value<'_> {
+        self.value(field)
+    }
+
+    fn summarize(&self, record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
+        if let Some(report) = &self.report {
+            return report.say(out);
+        }
+        match record.findings.first() {
+            Some(finding) if record.kind == "event" => finding.say(record, out),
+            _ => write!(out, "{}", record.kind),
+        }
+    }
+}
