@@ -7,6 +7,7 @@ use dissectors::can::{Frame, Identifier};
 use dissectors::event::{Event, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::{Output, Sink};
+use dissectors::uart::Baud;
 use fieldtap::export::{Columns, Csv};
 use std::hint::black_box;
 
@@ -38,7 +39,8 @@ fn frame(n: usize) -> Frame {
 /// Hands the frames to a bus in batches, as a source would.
 fn hear(frames: &[Frame], sink: &mut dyn Sink) {
     let mut number = 0;
-    let mut bus = bus(WireFacts { medium: Some(Medium::Can), ..WireFacts::default() });
+    let (baud, medium) = (Baud::new(250_000), Some(Medium::Can));
+    let mut bus = bus(WireFacts { baud, medium, ..WireFacts::default() });
     let mut out = Output::new(&mut number, sink);
     for batch in frames.chunks(256) {
         bus.hear(Event::Frames(black_box(batch)), &mut out);
