@@ -166,22 +166,46 @@ impl Finding {
 #[derive(Clone, Copy, Debug)]
 pub struct Span(pub i64);
 
-impl fmt::Display for Span {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Span {
+    /// Writes it.
+    ///
+    /// # Errors
+    /// Only where `out` fails.
+    pub(crate) fn say(self, out: &mut dyn fmt::Write) -> fmt::Result {
         let ns = self.0.unsigned_abs();
-        let sign = if self.0 < 0 { "-" } else { "" };
+        if self.0 < 0 {
+            out.write_char('-')?;
+        }
+        let mut number = itoa::Buffer::new();
         let (unit, name) = match ns {
-            0..1_000 => return write!(f, "{sign}{ns} ns"),
-            1_000..1_000_000 => (1_000, "µs"),
-            1_000_000..1_000_000_000 => (1_000_000, "ms"),
-            _ => (1_000_000_000, "s"),
+            0..1_000 => {
+                out.write_str(number.format(ns))?;
+                return out.write_str(" ns");
+            }
+            1_000..1_000_000 => (1_000, " µs"),
+            1_000_000..1_000_000_000 => (1_000_000, " ms"),
+            _ => (1_000_000_000, " s"),
         };
         // Three significant digits at least, one decimal at most from ten on.
         let (whole, rest) = (ns / unit, ns % unit);
+        out.write_str(number.format(whole))?;
         match whole {
-            0..10 => write!(f, "{sign}{whole}.{:02} {name}", rest * 100 / unit),
-            10..100 => write!(f, "{sign}{whole}.{} {name}", rest * 10 / unit),
-            _ => write!(f, "{sign}{whole} {name}"),
+            0..10 => {
+                out.write_str(if rest * 100 / unit < 10 { ".0" } else { "." })?;
+                out.write_str(number.format(rest * 100 / unit))?;
+            }
+            10..100 => {
+                out.write_str(".")?;
+                out.write_str(number.format(rest * 10 / unit))?;
+            }
+            _ => {}
         }
+        out.write_str(name)
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.say(f)
     }
 }

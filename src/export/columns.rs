@@ -4,8 +4,8 @@ use crate::clock::Exact;
 use dissectors::field::{FieldId, Role, Value};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::record::Record;
-use std::fmt::Write;
-use std::ops::Range;
+use std::fmt;
+use std::io::Write;
 
 /// The columns that are written where the user names none.
 const DEFAULT: [&str; 14] = [
@@ -29,12 +29,21 @@ const DEFAULT: [&str; 14] = [
 pub struct Columns {
     columns: Vec<Column>,
     last_ns: Option<i64>,
-    delta: Option<i64>,
 }
 
-struct Column {
+/// One of them.
+pub struct Column {
     name: String,
     what: What,
+}
+
+/// What was written into a cell.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Cell {
+    /// Numbers, hex digits, or words that are known beforehand.
+    Plain,
+    /// Anything.
+    Text,
 }
 
 #[derive(Clone, Copy)]
@@ -69,7 +78,7 @@ enum What {
 impl Default for Columns {
     fn default() -> Self {
         let columns = DEFAULT.iter().filter_map(|name| Column::named(name)).collect();
-        Columns { columns, last_ns: None, delta: None }
+        Columns { columns, last_ns: None }
     }
 }
 
@@ -89,67 +98,18 @@ impl Columns {
         self.columns.iter().map(|column| column.name.as_str())
     }
 
-    /// Their indexes.
-    pub fn indexes(&self) -> Range<usize> {
-        0..self.columns.len()
+    /// All of them.
+    pub fn iter(&self) -> std::slice::Iter<'_, Column> {
+        self.columns.iter()
     }
 
-    /// Whether anything may stand in a column, and not only numbers, hex digits and fixed words.
-    pub fn has_text(&self, column: usize) -> bool {
-        let what = self.columns[column].what;
-        matches!(what, What::Bus | What::Summary | What::Role(_) | What::Field(_))
-    }
-
-    /// Takes note of the next record's time.
-    pub fn begin(&mut self, record: &Record<'_>) {
+    /// Takes note of the next record's time. Returns how much later it is than the one before, in
+    /// ns.
+    pub fn begin(&mut self, record: &Record<'_>) -> Option<i64> {
         let ns = record.start.ns();
-        self.delta = ns.zip(self.last_ns).map(|(now, last)| now.saturating_sub(last));
+        let delta = ns.zip(self.last_ns).map(|(now, last)| now.saturating_sub(last));
         self.last_ns = ns.or(self.last_ns);
-    }
-
-    /// Writes a record's cell behind what stands there. What does not apply leaves it empty.
-    pub fn write(&self, column: usize, record: &Record<'_>, cell: &mut String) {
-        match self.columns[column].what {
-            What::Number => integer(record.n as i64, cell),
-            What::Time => seconds(record.start.ns(), cell),
-            What::Delta => seconds(self.delta, cell),
-            What::TimeNs => optional(record.start.ns(), cell),
-            What::DeltaNs => optional(self.delta, cell),
-            What::DurationNs => optional(record.duration.map(|ns| ns as i64), cell),
-            What::UncertaintyNs => {
-                optional(record.start.ns().map(|_| i64::from(record.uncertainty)), cell);
-            }
-            What::Clock => cell.push_str(record.bus.clock.map_or("", |clock| clock.name())),
-            What::Interpolated => cell.push_str(if record.interpolated { "true" } else { "" }),
-            What::Bus => text(&record.bus.name, cell),
-            What::Protocol => cell.push_str(record.protocol.name),
-            What::Kind => cell.push_str(record.kind),
-            What::About => optional(record.about.map(|n| n as i64), cell),
-            What::Station => optional(record.station.map(i64::from), cell),
-            What::Lost => optional(record.lost().map(|count| count as i64), cell),
-            What::Summary => {
-                let start = cell.len();
-                // A String takes any text.
-                let _ = record.summarize(cell);
-                make_harmless(cell, start);
-            }
-            What::Raw => {
-                record.bytes().for_each(|byte| hex(byte, cell));
-            }
-            What::Findings => join(record.findings.iter().map(|f| f.code.name), cell),
-            What::Withheld => join(record.withheld.iter().map(|code| code.name), cell),
-            What::Role(Role::ResponseTime) => match record.by_role(Role::ResponseTime) {
-                Value::Int(ns) => seconds(Some(ns), cell),
-                other => value(other, cell),
-            },
-            What::Role(role) => value(record.by_role(role), cell),
-            What::Field(places) => {
-                let place = PROTOCOLS.iter().zip(places).find(|(p, _)| **p == record.protocol);
-                if let Some((_, Some(field))) = place {
-                    value(record.get(field), cell);
-                }
-            }
-        }
+        delta
     }
 }
 
@@ -192,83 +152,153 @@ impl Column {
         };
         Some(Column { name: name.to_owned(), what })
     }
-}
 
-fn value(value: Value<'_>, cell: &mut String) {
-    match value {
-        Value::Absent => {}
-        Value::Bool(value) => cell.push_str(if value { "true" } else { "false" }),
-        Value::Int(value) => integer(value, cell),
-        Value::Float(value) => {
-            let _ = write!(cell, "{value}");
-        }
-        Value::Text(words) => text(words, cell),
-        Value::Byte(byte) => {
-            let _ = write!(cell, "{byte:02X}");
-        }
-        Value::Hex(bytes) => bytes.iter().for_each(|byte| hex(*byte, cell)),
-        Value::List(list) => {
-            for index in 0..list.len() {
-                cell.push_str(if index == 0 { "" } else { " " });
-                self::value(list.get(index), cell);
+    /// Writes a record's cell behind what stands there, given how much later it is than the one
+    /// before. What does not apply leaves it empty.
+    #[inline]
+    pub fn write(&self, record: &Record<'_>, delta: Option<i64>, cell: &mut Vec<u8>) -> Cell {
+        match self.what {
+            What::Number => integer(record.n as i64, cell),
+            What::Time => seconds(record.start.ns(), cell),
+            What::Delta => seconds(delta, cell),
+            What::TimeNs => optional(record.start.ns(), cell),
+            What::DeltaNs => optional(delta, cell),
+            What::DurationNs => optional(record.duration.map(|ns| ns as i64), cell),
+            What::UncertaintyNs => {
+                optional(record.start.ns().map(|_| i64::from(record.uncertainty)), cell);
+            }
+            What::Clock => word(record.bus.clock.map_or("", |clock| clock.name()), cell),
+            What::Interpolated => word(if record.interpolated { "true" } else { "" }, cell),
+            What::Bus => return text(&record.bus.name, cell),
+            What::Protocol => word(record.protocol.name, cell),
+            What::Kind => word(record.kind, cell),
+            What::About => optional(record.about.map(|n| n as i64), cell),
+            What::Station => optional(record.station.map(i64::from), cell),
+            What::Lost => optional(record.lost().map(|count| count as i64), cell),
+            What::Summary => return sentence(record, cell),
+            What::Raw => record.bytes().for_each(|byte| hex(byte, cell)),
+            What::Findings => join(record.findings.iter().map(|f| f.code.name), cell),
+            What::Withheld => join(record.withheld.iter().map(|code| code.name), cell),
+            What::Role(Role::ResponseTime) => match record.by_role(Role::ResponseTime) {
+                Value::Int(ns) => seconds(Some(ns), cell),
+                other => return value(other, cell),
+            },
+            What::Role(role) => return value(record.by_role(role), cell),
+            What::Field(places) => {
+                let place = PROTOCOLS.iter().zip(places).find(|(p, _)| **p == record.protocol);
+                let field = place.and_then(|(_, field)| field);
+                return field.map_or(Cell::Plain, |field| value(record.get(field), cell));
             }
         }
-        Value::Rows(rows) => {
-            for row in 0..rows.len() {
-                cell.push_str(if row == 0 { "" } else { " " });
-                // Of a table, its second field says most: the byte.
-                self::value(rows.get(row, 1), cell);
-            }
-        }
+        Cell::Plain
     }
 }
 
-fn integer(value: i64, cell: &mut String) {
-    cell.push_str(itoa::Buffer::new().format(value));
+fn value(value: Value<'_>, cell: &mut Vec<u8>) -> Cell {
+    match value {
+        Value::Absent => {}
+        Value::Bool(value) => word(if value { "true" } else { "false" }, cell),
+        Value::Int(value) => integer(value, cell),
+        Value::Float(value) => show(value, cell),
+        Value::Text(words) => return text(words, cell),
+        Value::Byte(byte) => show(format_args!("{byte:02X}"), cell),
+        Value::Hex(bytes) => bytes.iter().for_each(|byte| hex(*byte, cell)),
+        Value::List(list) => {
+            for index in 0..list.len() {
+                word(if index == 0 { "" } else { " " }, cell);
+                self::value(list.get(index), cell);
+            }
+            return Cell::Text;
+        }
+        Value::Rows(rows) => {
+            for row in 0..rows.len() {
+                word(if row == 0 { "" } else { " " }, cell);
+                // Of a table, its second field says most: the byte.
+                self::value(rows.get(row, 1), cell);
+            }
+            return Cell::Text;
+        }
+    }
+    Cell::Plain
 }
 
-fn optional(value: Option<i64>, cell: &mut String) {
+fn word(word: &str, cell: &mut Vec<u8>) {
+    cell.extend_from_slice(word.as_bytes());
+}
+
+fn show(value: impl fmt::Display, cell: &mut Vec<u8>) {
+    // It fits in memory.
+    let _ = write!(cell, "{value}");
+}
+
+fn integer(value: i64, cell: &mut Vec<u8>) {
+    match value {
+        // Addresses of stations and positions at rest.
+        0..10 => cell.push(b'0' + value as u8),
+        _ => word(itoa::Buffer::new().format(value), cell),
+    }
+}
+
+fn optional(value: Option<i64>, cell: &mut Vec<u8>) {
     if let Some(value) = value {
         integer(value, cell);
     }
 }
 
-fn seconds(ns: Option<i64>, cell: &mut String) {
+fn seconds(ns: Option<i64>, cell: &mut Vec<u8>) {
+    const NS: i64 = 1_000_000_000;
     let Some(ns) = ns else { return };
     if ns < 0 {
-        let _ = write!(cell, "{}", Exact(ns));
-        return;
+        return show(Exact(ns), cell);
     }
-    let mut buffer = itoa::Buffer::new();
-    cell.push_str(buffer.format(ns / 1_000_000_000));
-    // Nine digits with their leading zeros: those of 1_xxx_xxx_xxx without the first.
-    cell.push('.');
-    cell.push_str(&buffer.format(1_000_000_000 + ns % 1_000_000_000)[1..]);
+    integer(ns / NS, cell);
+    // Nine digits with their leading zeros: those of 1_xxx_xxx_xxx, and a point for its first.
+    let point = cell.len();
+    word(itoa::Buffer::new().format(NS + ns % NS), cell);
+    cell[point] = b'.';
 }
 
-fn hex(byte: u8, cell: &mut String) {
+fn hex(byte: u8, cell: &mut Vec<u8>) {
     const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-    cell.push(char::from(DIGITS[usize::from(byte >> 4)]));
-    cell.push(char::from(DIGITS[usize::from(byte & 0xF)]));
+    cell.extend([DIGITS[usize::from(byte >> 4)], DIGITS[usize::from(byte & 0xF)]]);
 }
 
-fn join<'a>(words: impl Iterator<Item = &'a str>, cell: &mut String) {
-    for (index, word) in words.enumerate() {
-        cell.push_str(if index == 0 { "" } else { " " });
-        cell.push_str(word);
+fn join<'a>(words: impl Iterator<Item = &'a str>, cell: &mut Vec<u8>) {
+    for (index, name) in words.enumerate() {
+        word(if index == 0 { "" } else { " " }, cell);
+        word(name, cell);
     }
+}
+
+fn sentence(record: &Record<'_>, cell: &mut Vec<u8>) -> Cell {
+    let start = cell.len();
+    // It fits in memory.
+    let _ = record.summarize(&mut Sentence(cell));
+    make_harmless(cell, start);
+    Cell::Text
 }
 
 /// Text from outside.
-fn text(words: &str, cell: &mut String) {
+fn text(words: &str, cell: &mut Vec<u8>) -> Cell {
     let start = cell.len();
-    cell.push_str(words);
+    word(words, cell);
     make_harmless(cell, start);
+    Cell::Text
 }
 
 /// A spreadsheet runs a cell that begins in one of these ways as a formula.
-fn make_harmless(cell: &mut String, start: usize) {
-    if matches!(cell.as_bytes().get(start), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r')) {
-        cell.insert(start, '\'');
+fn make_harmless(cell: &mut Vec<u8>, start: usize) {
+    if matches!(cell.get(start), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r')) {
+        cell.insert(start, b'\'');
+    }
+}
+
+/// Takes a sentence into a cell.
+struct Sentence<'a>(&'a mut Vec<u8>);
+
+impl fmt::Write for Sentence<'_> {
+    fn write_str(&mut self, words: &str) -> fmt::Result {
+        word(words, self.0);
+        Ok(())
     }
 }

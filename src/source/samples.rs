@@ -5,6 +5,9 @@ use dissectors::event::Levels;
 /// Widest sample that is looked at as one number.
 const WORD: usize = 8;
 
+/// Words that are looked at together: of samples of a byte, 64.
+const WORDS: usize = 8;
+
 /// The levels of one channel in the block at hand.
 struct Channel {
     name: String,
@@ -23,8 +26,6 @@ struct Channel {
 pub struct Samples {
     unitsize: usize,
     channels: Vec<Channel>,
-    /// Channel of each bit of a sample.
-    by_bit: Vec<Option<usize>>,
     /// The last sample.
     last: Vec<u8>,
     /// Bytes of a sample that is not whole yet.
@@ -37,7 +38,6 @@ pub struct Samples {
 impl Samples {
     /// Samples of `unitsize` bytes in which these bits are channels.
     pub fn new(unitsize: usize, channels: Vec<(String, usize)>) -> Self {
-        let mut by_bit = vec![None; unitsize * 8];
         let channels: Vec<Channel> = channels
             .into_iter()
             .filter(|(_, bit)| *bit < unitsize * 8)
@@ -51,11 +51,8 @@ impl Samples {
                 is_new: true,
             })
             .collect();
-        for (index, channel) in channels.iter().enumerate() {
-            by_bit[channel.bit] = Some(index);
-        }
         let (last, rest) = (Vec::new(), Vec::new());
-        Samples { unitsize, channels, by_bit, last, rest, from: 0, until: 0 }
+        Samples { unitsize, channels, last, rest, from: 0, until: 0 }
     }
 
     /// Number of channels.
@@ -131,57 +128,36 @@ impl Samples {
         }
     }
 
-    /// Samples that divide a word: eight bytes are compared at once.
+    /// Samples that divide a word: eight words are compared at once, and where they differ, the
+    /// levels of a channel become the bits of one number.
     fn take_words(&mut self, samples: &[u8]) {
-        let unit = self.unitsize;
-        let ones = u64::MAX >> (64 - 8 * unit);
-        let repeat = u64::MAX / ones;
-        let channels = self.channels.iter().fold(0_u64, |mask, channel| mask | 1 << channel.bit);
-        let mask = channels * repeat;
-        let mut last = word(&self.last);
-        let mut expected = (last & ones) * repeat;
-        let (words, rest) = samples.as_chunks::<WORD>();
-        let mut tick = self.until;
-        let per_word = (WORD / unit) as u64;
-        for bytes in words {
-            let mut word = u64::from_le_bytes(*bytes);
-            let mut changed = (word ^ expected) & mask;
-            // Each change makes a new last sample; the samples before it are done with.
-            while changed != 0 {
-                let index = changed.trailing_zeros() as usize / (8 * unit);
-                let shift = index * 8 * unit;
-                let sample = word >> shift & ones;
-                self.toggle((sample ^ last) & channels, tick + index as u64);
-                last = sample;
-                expected = last * repeat;
-                // Behind this sample, compare with it.
-                let behind =
-                    if shift + 8 * unit >= 64 { 0 } else { u64::MAX << (shift + 8 * unit) };
-                changed = (word ^ expected) & mask & behind;
+        let width = 8 * self.unitsize;
+        let each = Each::of(width);
+        let all = self.channels.iter().fold(0_u64, |all, channel| all | 1 << channel.bit);
+        let mut expected = word(&self.last) * each.first;
+        let (blocks, rest) = samples.as_chunks::<{ WORDS * WORD }>();
+        for block in blocks {
+            let (words, _) = block.as_chunks::<WORD>();
+            let changed = words
+                .iter()
+                .fold(0, |changed, bytes| changed | (u64::from_le_bytes(*bytes) ^ expected));
+            if changed & (all * each.first) != 0 {
+                for channel in &mut self.channels {
+                    if changed >> channel.bit & each.first != 0 {
+                        let levels = words.iter().rev().fold(0, |levels, bytes| {
+                            let word = u64::from_le_bytes(*bytes);
+                            levels << each.samples | each.pack(word >> channel.bit)
+                        });
+                        channel.take(levels, WORDS as u32 * each.samples, self.until);
+                    }
+                }
+                let [.., last] = words else { continue };
+                expected = (u64::from_le_bytes(*last) >> each.shift) * each.first;
             }
-            word = u64::from_le_bytes(*bytes) >> (64 - 8 * unit);
-            last = word & ones;
-            expected = last * repeat;
-            tick += per_word;
+            self.until += u64::from(WORDS as u32 * each.samples);
         }
-        for sample in rest.chunks_exact(unit) {
-            let sample = word(sample);
-            self.toggle((sample ^ last) & channels, tick);
-            last = sample;
-            tick += 1;
-        }
-        self.until = tick;
-        self.last.copy_from_slice(&last.to_le_bytes()[..unit]);
-    }
-
-    fn toggle(&mut self, mut bits: u64, tick: u64) {
-        while bits != 0 {
-            let bit = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            if let Some(channel) = self.by_bit[bit] {
-                self.channels[channel].toggle(tick);
-            }
-        }
+        self.last.copy_from_slice(&expected.to_le_bytes()[..self.unitsize]);
+        self.take_wide(rest);
     }
 
     /// Samples of any other width, looked at one by one.
@@ -201,7 +177,52 @@ impl Samples {
     }
 }
 
+/// The samples of a word.
+struct Each {
+    /// How many there are.
+    samples: u32,
+    /// The first bit of each.
+    first: u64,
+    /// How far up the last one stands.
+    shift: u32,
+    /// By what the first bits are multiplied to stand side by side where the last sample does: the
+    /// bit of sample i is moved up by what it lacks, and no two meet.
+    gather: u64,
+}
+
+impl Each {
+    /// Of samples of so many bits: 8, 16, 32 or 64.
+    fn of(width: usize) -> Self {
+        let samples = 64 / width;
+        let shift = 64 - width;
+        let sum = |bit: &dyn Fn(usize) -> usize| (0..samples).map(|i| 1 << bit(i)).sum();
+        Each {
+            samples: samples as u32,
+            first: sum(&|i| width * i),
+            shift: shift as u32,
+            gather: sum(&|i| shift - (width - 1) * i),
+        }
+    }
+
+    /// The first bit of each sample, side by side.
+    const fn pack(&self, word: u64) -> u64 {
+        (word & self.first).wrapping_mul(self.gather) >> self.shift
+    }
+}
+
 impl Channel {
+    /// Takes the levels of so many samples, 64 at most, from this tick on: a bit each.
+    fn take(&mut self, levels: u64, count: u32, tick: u64) {
+        let before = levels << 1 | u64::from(self.level);
+        let mut edges = (levels ^ before) & u64::MAX >> (64 - count);
+        self.level = levels >> (count - 1) & 1 == 1;
+        self.has_edges |= edges != 0;
+        while edges != 0 {
+            self.edges.push(tick + u64::from(edges.trailing_zeros()));
+            edges &= edges - 1;
+        }
+    }
+
     fn toggle(&mut self, tick: u64) {
         self.level = !self.level;
         self.edges.push(tick);

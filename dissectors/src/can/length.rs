@@ -18,7 +18,8 @@ const INTERMISSION: u16 = 3;
 /// The runs that the last bits can make: one to five equal ones, of either level.
 const RUNS: usize = 10;
 
-static CHECKSUMS: [u16; 256] = checksums();
+/// Of each byte, followed by so many bytes of zeros.
+static CHECKSUMS: [[u16; 256]; 16] = checksums();
 static STUFFING: [[Stuffed; 256]; RUNS] = stuffing();
 
 /// What a byte does to a run: the run it leaves, and the bits stuffed into it.
@@ -54,11 +55,8 @@ pub fn of(frame: &Frame) -> u16 {
 /// The stuffed part of a frame with an 11-bit identifier, which begins with these 19 bits: two
 /// bits and then whole bytes, 34 + 8n in all with the checksum.
 fn standard(head: u32, data: &[u8]) -> u16 {
-    // Zeros before the first bit do not count in the checksum.
-    let [_, high, middle, low] = head.to_be_bytes();
-    let sum = [high, middle, low].iter().chain(data).fold(0, |sum, byte| add_byte(sum, *byte));
     let whole = data.iter().fold(u128::from(head), |bits, byte| bits << 8 | u128::from(*byte));
-    let bytes = (whole << 15 | u128::from(sum)).to_be_bytes();
+    let bytes = (whole << 15 | u128::from(checksum_of(whole))).to_be_bytes();
     // SOF is dominant; the bit after it goes on with that run, or begins the next.
     let second = head >> 17 & 1 == 1;
     let mut run = if second { run_of(true, 1) } else { run_of(false, 2) };
@@ -76,15 +74,16 @@ pub fn checksum(bits: impl Iterator<Item = bool>) -> u16 {
     bits.fold(0, advance)
 }
 
-/// The checksum of the bits of a number: zeros before the first one do not count.
+/// The checksum of the bits of a number: zeros before the first one do not count. It is the sum,
+/// modulo 2, of what each byte adds, so that none needs to wait for the one before it.
 pub fn checksum_of(bits: u128) -> u16 {
-    let first = bits.leading_zeros() as usize / 8;
-    let bytes = bits.to_be_bytes();
-    bytes[first..].iter().fold(0, |sum, byte| add_byte(sum, *byte))
+    let used = 16 - bits.leading_zeros() as usize / 8;
+    let added = bits.to_le_bytes().into_iter().zip(&CHECKSUMS).take(used);
+    added.fold(0, |sum, (byte, sums)| sum ^ sums[usize::from(byte)])
 }
 
 fn add_byte(sum: u16, byte: u8) -> u16 {
-    (sum << 8 & 0x7FFF) ^ CHECKSUMS[usize::from((sum >> 7) as u8 ^ byte)]
+    (sum << 8 & 0x7FFF) ^ CHECKSUMS[0][usize::from((sum >> 7) as u8 ^ byte)]
 }
 
 const fn advance(sum: u16, bit: bool) -> u16 {
@@ -167,19 +166,21 @@ const fn stuff(run: u8, bit: bool) -> Stuffed {
     }
 }
 
-const fn checksums() -> [u16; 256] {
-    let mut table = [0; 256];
+const fn checksums() -> [[u16; 256]; 16] {
+    let mut tables = [[0; 256]; 16];
     let mut byte = 0;
     while byte < 256 {
-        let (mut sum, mut bit) = ((byte as u16) << 7, 0);
-        while bit < 8 {
+        let (mut sum, mut zeros) = ((byte as u16) << 7, 0);
+        while zeros < 8 * tables.len() {
             sum = advance(sum, false);
-            bit += 1;
+            zeros += 1;
+            if zeros % 8 == 0 {
+                tables[zeros / 8 - 1][byte] = sum;
+            }
         }
-        table[byte] = sum;
         byte += 1;
     }
-    table
+    tables
 }
 
 const fn stuffing() -> [[Stuffed; 256]; RUNS] {

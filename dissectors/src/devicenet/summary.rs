@@ -209,57 +209,70 @@ impl Message<'_> {
         self.say_identity(out)
     }
 
+    /// Of I/O there is most: nothing that is in every sentence is formatted.
     fn say_io(&self, frame: &can::Frame, out: &mut dyn Write) -> fmt::Result {
-        let (from, to) = (self.who(self.facts.source), self.who(self.facts.destination));
+        let (from, to) = (self.facts.source, self.facts.destination);
         let answers = self.facts.request.is_some();
-        match self.facts.kind {
-            kind::POLL_COMMAND if self.facts.source.is_some() => write!(out, "{from} polls {to}")?,
-            kind::POLL_COMMAND => write!(out, "poll of {to}")?,
-            kind::POLL_RESPONSE if !answers => write!(out, "{from} sends a poll response")?,
-            kind::POLL_RESPONSE => write!(out, "{from} answers the poll")?,
-            kind::STROBE_COMMAND => write!(out, "{from} strobes its slaves")?,
-            kind::STROBE_RESPONSE if !answers => write!(out, "{from} sends a strobe response")?,
-            kind::STROBE_RESPONSE => write!(out, "{from} answers the strobe")?,
-            kind::MULTICAST_POLL_COMMAND => write!(out, "multicast poll")?,
+        let (from, what, to) = match self.facts.kind {
+            kind::POLL_COMMAND if from.is_some() => (Some(from), " polls ", Some(to)),
+            kind::POLL_COMMAND => (None, "poll of ", Some(to)),
+            kind::POLL_RESPONSE if !answers => (Some(from), " sends a poll response", None),
+            kind::POLL_RESPONSE => (Some(from), " answers the poll", None),
+            kind::STROBE_COMMAND => (Some(from), " strobes its slaves", None),
+            kind::STROBE_RESPONSE if !answers => (Some(from), " sends a strobe response", None),
+            kind::STROBE_RESPONSE => (Some(from), " answers the strobe", None),
+            kind::MULTICAST_POLL_COMMAND => (None, "multicast poll", None),
             kind::MULTICAST_POLL_RESPONSE if !answers => {
-                write!(out, "{from} sends a multicast poll response")?;
+                (Some(from), " sends a multicast poll response", None)
             }
-            kind::MULTICAST_POLL_RESPONSE => write!(out, "{from} answers the multicast poll")?,
-            kind::COS => write!(out, "{from} tells a change of state")?,
-            kind::CYCLIC => write!(out, "{from} tells cyclically")?,
-            kind::IO_ACK if self.facts.source.is_some() => write!(out, "{from} acknowledges")?,
-            kind::IO_ACK => write!(out, "acknowledged to {to}")?,
-            _ => write!(out, "I/O {:03X}h", frame.id.value())?,
-        }
+            kind::MULTICAST_POLL_RESPONSE => (Some(from), " answers the multicast poll", None),
+            kind::COS => (Some(from), " tells a change of state", None),
+            kind::CYCLIC => (Some(from), " tells cyclically", None),
+            kind::IO_ACK if from.is_some() => (Some(from), " acknowledges", None),
+            kind::IO_ACK => (None, "acknowledged to ", Some(to)),
+            _ => {
+                write!(out, "I/O {:03X}h", frame.id.value())?;
+                (None, "", None)
+            }
+        };
+        from.map_or(Ok(()), |from| self.who(from).say(out))?;
+        out.write_str(what)?;
+        to.map_or(Ok(()), |to| self.who(to).say(out))?;
         if let Some(ns) = self.facts.response_time {
-            write!(out, " in {}", Span(ns))?;
+            out.write_str(" in ")?;
+            Span(ns).say(out)?;
         }
-        let laid_out = self.laid_out;
-        match (self.reading, laid_out.and_then(|it| it.members)) {
-            (Some((_, reading)), _) => {
-                write!(out, ": position {}", reading.position)?;
-                if let Some((resolution, position)) = self.place() {
-                    write!(out, " {}", resolution.place(position))?;
-                }
-                write!(out, ", {}", reading.flags)
-            }
-            (None, Some(members)) => write!(out, ": {members}"),
-            (None, None) => {
-                if let Some(LaidOut { name, .. }) = laid_out {
-                    write!(out, ": {name}")?;
-                }
-                self.say_data(self.io, out)
-            }
+        let Some((_, reading)) = self.reading else { return self.say_layout(out) };
+        out.write_str(": position ")?;
+        out.write_str(itoa::Buffer::new().format(reading.position))?;
+        if let Some((resolution, position)) = self.place() {
+            write!(out, " {}", resolution.place(position))?;
         }
+        out.write_str(", ")?;
+        out.write_str(reading.flags.words())
+    }
+
+    /// I/O data as its maker's file lays it out.
+    fn say_layout(&self, out: &mut dyn Write) -> fmt::Result {
+        match self.laid_out {
+            Some(LaidOut { members: Some(members), .. }) => return write!(out, ": {members}"),
+            Some(LaidOut { name, .. }) => write!(out, ": {name}")?,
+            None => {}
+        }
+        self.say_data(self.io, out)
     }
 
     fn say_data(&self, data: Option<&[u8]>, out: &mut dyn Write) -> fmt::Result {
         let data = data.unwrap_or_default();
-        for (index, byte) in data.iter().take(SHOWN).enumerate() {
-            out.write_str(if index == 0 { ": " } else { " " })?;
-            // Formatting would take longer than all the rest of the sentence.
-            out.write_char(digit(byte >> 4))?;
-            out.write_char(digit(byte & 0xF))?;
+        let mut digits = [b' '; 3 * SHOWN];
+        for (place, byte) in digits.chunks_exact_mut(3).zip(data) {
+            (place[0], place[1]) = (digit(byte >> 4), digit(byte & 0xF));
+        }
+        let shown = &digits[..(3 * data.len().min(SHOWN)).saturating_sub(1)];
+        if !shown.is_empty() {
+            out.write_str(": ")?;
+            // They always are text.
+            out.write_str(str::from_utf8(shown).unwrap_or_default())?;
         }
         match data.len() {
             length if length > SHOWN => write!(out, " … ({length} bytes)"),
@@ -274,21 +287,27 @@ struct Who<'a> {
     name: Option<&'a str>,
 }
 
-impl fmt::Display for Who<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Who<'_> {
+    fn say(&self, out: &mut dyn Write) -> fmt::Result {
         match self.mac {
-            Some(mac) => mac.get().fmt(f)?,
-            None => f.write_str("somebody")?,
+            Some(mac) => out.write_str(itoa::Buffer::new().format(mac.get()))?,
+            None => out.write_str("somebody")?,
         }
         match self.name {
-            Some(name) => write!(f, " ({name})"),
+            Some(name) => write!(out, " ({name})"),
             None => Ok(()),
         }
     }
 }
 
-fn digit(nibble: u8) -> char {
-    char::from(b"0123456789ABCDEF"[(nibble & 0xF) as usize])
+impl fmt::Display for Who<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.say(f)
+    }
+}
+
+const fn digit(nibble: u8) -> u8 {
+    b"0123456789ABCDEF"[(nibble & 0xF) as usize]
 }
 
 const fn word(low: u8, high: u8) -> u16 {

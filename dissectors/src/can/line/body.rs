@@ -78,6 +78,25 @@ impl Body {
         self.count as u16 + self.stuffed as u16
     }
 
+    /// Takes what almost all bits are part of: a run after one of the other level, not too long,
+    /// that decides nothing. Returns false if they are none, and then has taken nothing.
+    pub fn take_run(&mut self, is_recessive: bool, length: u32) -> bool {
+        let stuffed = u8::from(self.run == LONGEST_RUN);
+        let is_run = is_recessive != self.is_recessive && length <= u32::from(LONGEST_RUN);
+        // Five at most, as the shift is to know.
+        let taken = (length as u8).wrapping_sub(stuffed) & 7;
+        let count = self.count.wrapping_add(taken);
+        if !is_run || length == 0 || self.is_empty() || count >= self.due {
+            return false;
+        }
+        let ones = if is_recessive { (1 << taken) - 1 } else { 0 };
+        self.bits = self.bits << taken | ones;
+        (self.is_recessive, self.run) = (is_recessive, length as u8);
+        self.count = count;
+        self.stuffed += stuffed;
+        true
+    }
+
     /// Takes so many bits of one level.
     pub fn take(&mut self, is_recessive: bool, mut left: u32) -> Taken {
         while left > 0 {

@@ -27,6 +27,9 @@ const SLOWEST: i64 = 1 << 48;
 pub(super) struct BitClock {
     /// Duration of a bit.
     bit: i64,
+    /// 2⁶⁴ divided by it, and rounded up: with every edge a span is divided by a bit, and to
+    /// multiply is faster.
+    inverse: u64,
     /// The tick of the last edge.
     base: u64,
     /// The next sample point, from there.
@@ -44,7 +47,8 @@ impl BitClock {
     /// A clock whose bits last so many ticks.
     pub fn new(ticks_a_bit: f64) -> Self {
         let bit = ((ticks_a_bit * TICK as f64) as i64).clamp(TICK, SLOWEST);
-        BitClock { bit, base: 0, next: 0, doubt: 0, age: 0, origin: 0, bits: 0 }
+        let inverse = u64::MAX / bit.unsigned_abs() + 1;
+        BitClock { bit, inverse, base: 0, next: 0, doubt: 0, age: 0, origin: 0, bits: 0 }
     }
 
     /// Pulses of fewer ticks than this are shorter than a quarter of a bit.
@@ -59,20 +63,42 @@ impl BitClock {
     }
 
     /// How many bits are sampled before this tick.
+    #[inline]
     pub fn advance(&mut self, until: u64) -> u32 {
         let ahead = until.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK - self.next;
         if ahead <= 0 {
             return 0;
         }
-        let count = (ahead - 1) / self.bit + 1;
+        let count = self.whole_bits(ahead - 1) + 1;
         self.next += count * self.bit;
         self.bits += count.unsigned_abs();
         self.age += count;
         u32::try_from(count).unwrap_or(u32::MAX)
     }
 
+    /// How many whole bits a span has, which is not negative.
+    fn whole_bits(&self, span: i64) -> i64 {
+        // Rounding up adds less than span / 2⁶⁴ to the quotient; that is too little to matter while
+        // the span times a bit stays below 2⁶⁴.
+        match span.unsigned_abs().checked_mul(self.bit.unsigned_abs()) {
+            Some(_) => {
+                let product = u128::from(span.unsigned_abs()) * u128::from(self.inverse);
+                ((product >> 64) as u64).cast_signed()
+            }
+            None => span / self.bit,
+        }
+    }
+
+    /// How many bits are sampled before this tick, at which the level changed.
+    pub fn reach(&mut self, tick: u64) -> u32 {
+        let count = self.advance(tick);
+        self.move_to(tick);
+        count
+    }
+
     /// The level changed at this tick; all bits before it were counted.
-    pub fn move_to(&mut self, tick: u64) {
+    #[inline]
+    fn move_to(&mut self, tick: u64) {
         let passed = tick.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK;
         self.next -= passed;
         self.base = tick;
@@ -165,6 +191,18 @@ mod tests {
             let next = clock.next;
             clock.resynchronize();
             assert_eq!(clock.next == next, tick == 120, "{tick}");
+        }
+    }
+
+    #[test]
+    fn spans_of_any_length_have_their_whole_bits() {
+        for ticks_a_bit in [1.0, 2.0, 7.3, 8.0, 32.0, 3_333.3, 1e9] {
+            let clock = BitClock::new(ticks_a_bit);
+            for count in (0..62).map(|power| (1_i64 << power) / clock.bit) {
+                let span = count * clock.bit;
+                let counts = [span - 1, span, span + 1].map(|it| clock.whole_bits(it.max(0)));
+                assert_eq!(counts, [(count - 1).max(0), count, count], "{ticks_a_bit} {count}");
+            }
         }
     }
 

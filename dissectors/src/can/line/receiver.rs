@@ -112,8 +112,8 @@ impl Receiver {
 
     /// Takes the bits before an edge, and the edge.
     fn pass(&mut self, tick: u64) {
-        self.advance(tick);
-        self.clock.move_to(tick);
+        let count = self.clock.reach(tick);
+        self.take(count);
         self.edge = tick;
         self.is_recessive = !self.is_recessive;
         if self.is_recessive {
@@ -133,6 +133,11 @@ impl Receiver {
     /// Takes the bits before a tick.
     fn advance(&mut self, until: u64) {
         let count = self.clock.advance(until);
+        self.take(count);
+    }
+
+    /// Takes so many bits of the level at hand.
+    fn take(&mut self, count: u32) {
         if count == 0 {
             return;
         }

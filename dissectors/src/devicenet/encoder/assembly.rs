@@ -1,7 +1,6 @@
 //! I/O data of encoders: the position, and with it what else an assembly holds.
 
 use crate::devicenet::cip::WrongLength;
-use core::fmt;
 
 /// What stands in an encoder's I/O data (manual §6; CIP encoder profile).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -42,6 +41,18 @@ pub enum Flags {
 }
 
 impl Flags {
+    /// What they say, in words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Flags::NotOnThisConnection => "alarm and warning: not on this connection",
+            Flags::Told { alarm: true, warning: true, .. } => "alarm and warning",
+            Flags::Told { alarm: true, .. } => "alarm",
+            Flags::Told { warning: true, .. } => "warning",
+            Flags::Told { .. } => "no alarm, no warning",
+        }
+    }
+
     /// The alarm flag, where there is one.
     #[must_use]
     pub const fn alarm(self) -> Option<bool> {
@@ -58,18 +69,6 @@ impl Flags {
             Flags::NotOnThisConnection => None,
             Flags::Told { warning, .. } => Some(warning),
         }
-    }
-}
-
-impl fmt::Display for Flags {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.write_str(match self {
-            Flags::NotOnThisConnection => "alarm and warning: not on this connection",
-            Flags::Told { alarm: true, warning: true, .. } => "alarm and warning",
-            Flags::Told { alarm: true, .. } => "alarm",
-            Flags::Told { warning: true, .. } => "warning",
-            Flags::Told { .. } => "no alarm, no warning",
-        })
     }
 }
 
@@ -122,14 +121,13 @@ impl Flags {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use alloc::string::ToString;
     use proptest::prelude::*;
 
     #[test]
     fn assembly_1_has_no_flags_and_says_so() {
         let reading = Assembly::Position.read(&[0x45, 0x23, 0x01, 0x00]).unwrap();
         assert_eq!((reading.position, reading.flags.alarm()), (74565, None));
-        assert_eq!(reading.flags.to_string(), "alarm and warning: not on this connection");
+        assert_eq!(reading.flags.words(), "alarm and warning: not on this connection");
     }
 
     #[test]
@@ -143,7 +141,7 @@ mod tests {
         assert_eq!((none.alarm(), none.warning()), (Some(false), Some(false)));
         assert_eq!((alarm.alarm(), alarm.warning()), (Some(true), Some(false)));
         assert_eq!((warning.alarm(), warning.warning()), (Some(false), Some(true)));
-        assert_eq!(both.to_string(), "alarm and warning");
+        assert_eq!(both.words(), "alarm and warning");
         assert_eq!(flags(0x84), Flags::Told { alarm: false, warning: false, reserved: 0x84 });
     }
 

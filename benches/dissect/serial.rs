@@ -1,25 +1,15 @@
 //! How fast characters become telegrams, and line levels characters.
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use dissectors::bus::{Bus, Sampling, WireFacts};
-use dissectors::event::{Clock, Event, Levels, Moment};
-use dissectors::protocol::Settings;
-use dissectors::record::{BusInfo, Output, Record, Sink};
+use crate::{Counter, SAMPLING, bus, hear_levels};
+use criterion::{Criterion, Throughput};
+use dissectors::bus::WireFacts;
+use dissectors::event::{Event, Moment};
+use dissectors::record::Output;
 use dissectors::uart::{Character, Parity};
 use std::hint::black_box;
 
 /// Exchanges of the busy bus that is decoded: three encoders in turn, their positions moving.
 const EXCHANGES: u32 = 200_000;
-
-/// Counts records and looks at nothing else.
-#[derive(Default)]
-struct Counter(u64);
-
-impl Sink for Counter {
-    fn record(&mut self, record: &Record<'_>) {
-        self.0 += 1 + record.findings.len() as u64;
-    }
-}
 
 /// The bytes of one exchange with a Baumer encoder (Baumer SLIN §3).
 fn exchange(address: u8, position: u32) -> Vec<u8> {
@@ -50,12 +40,7 @@ fn characters() -> Vec<Character> {
     characters
 }
 
-fn bus(facts: WireFacts) -> Bus {
-    let info = BusInfo::new("bus", Some(Clock::Sample));
-    Bus::new(info, facts, Settings::default())
-}
-
-fn characters_to_telegrams(criterion: &mut Criterion) {
+pub fn characters_to_telegrams(criterion: &mut Criterion) {
     let characters = characters();
     let mut group = criterion.benchmark_group("characters to telegrams");
     group.throughput(Throughput::Elements(characters.len() as u64));
@@ -93,31 +78,18 @@ fn edges(characters: &[Character]) -> Vec<u64> {
     edges
 }
 
-fn levels_to_telegrams(criterion: &mut Criterion) {
+pub fn levels_to_telegrams(criterion: &mut Criterion) {
     let characters = characters();
     let edges = edges(&characters);
-    let sampling =
-        Sampling { ticks_per_second: 4_000_000, uncertainty: 250, origin: Moment::from_ns(0) };
-    let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
+    let facts = WireFacts { sampling: Some(SAMPLING), ..WireFacts::default() };
     let mut group = criterion.benchmark_group("line levels to telegrams");
     group.throughput(Throughput::Elements(characters.len() as u64));
     group.bench_function("auto", |bencher| {
         bencher.iter(|| {
             let (mut bus, mut counter, mut number) = (bus(facts), Counter(0), 0);
-            let (mut from, mut level) = (0, true);
-            for batch in edges.chunks(1024) {
-                let until = batch.last().map_or(from, |last| last + 1);
-                let levels = Levels { edges: black_box(batch), level, from, until };
-                bus.hear(Event::Levels(levels), &mut Output::new(&mut number, &mut counter));
-                level ^= batch.len() % 2 == 1;
-                from = until;
-            }
-            bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut counter));
+            hear_levels(&mut bus, black_box(&edges), &mut Output::new(&mut number, &mut counter));
             assert!(counter.0 > u64::from(EXCHANGES));
         });
     });
     group.finish();
 }
-
-criterion_group!(benches, characters_to_telegrams, levels_to_telegrams);
-criterion_main!(benches);
