@@ -6,6 +6,7 @@
 mod bus;
 mod examples;
 mod explicit;
+mod gaps;
 mod healthy;
 mod io;
 mod management;
