@@ -30,6 +30,8 @@ pub struct Watch {
     before: Option<(u32, Moment)>,
     /// Steps between the last two positions, if they tell of motion.
     motion: Option<u32>,
+    /// The position that was produced last, unasked.
+    produced: Option<u32>,
     alarm: Lasting,
     warning: Lasting,
     told_turns: Option<(u32, u32)>,
@@ -66,6 +68,7 @@ impl Watch {
             kind,
             values: [None; ATTRIBUTES],
             unsaved: 0,
+            produced: None,
             last: None,
             before: None,
             motion: None,
@@ -183,16 +186,17 @@ impl Watch {
         }
     }
 
-    /// How far the position of I/O data is from the one before, in steps.
-    #[must_use]
-    pub fn step_to(&self, position: u32) -> Option<u32> {
-        let (last, _) = self.last?;
-        Some(distance(last, position, self.known().total_resolution))
+    /// A position was produced unasked. Returns how far it is from the one that was produced before,
+    /// in steps: what was read in between is none of the encoder's reasons to produce.
+    pub fn produce(&mut self, position: u32) -> Option<u32> {
+        let before = self.produced.replace(position)?;
+        Some(distance(before, position, self.known().total_resolution))
     }
 
     /// Something was lost: positions before and after do not compare.
     pub fn interrupt(&mut self) {
         (self.last, self.before, self.motion) = (None, None, None);
+        self.produced = None;
     }
 
     fn see_position(&mut self, position: u32, now: Moment, findings: &mut Vec<Finding>) {
