@@ -362,7 +362,8 @@ impl Facts {
     /// What the data means: a value that was read or is to be written.
     pub fn value<'a>(&self, data: Option<&'a [u8]>, names: &Names<'_>) -> Option<cip::Value<'a>> {
         let Service { code, is_response } = self.service?;
-        let carries = matches!((code, is_response), (service::GET, true) | (service::SET, false));
+        // Who sets a packet rate is told in the answer to what the slave rounded it.
+        let carries = matches!((code, is_response), (service::GET, true) | (service::SET, _));
         let data = data.filter(|_| carries)?;
         names.decode(self.target, data)
     }
