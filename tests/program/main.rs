@@ -1,8 +1,10 @@
 //! What a user would try, through the built program.
 
+mod account;
 mod can;
 mod captures;
 mod conversions;
+mod devicenet;
 mod endings;
 mod harness;
 mod live;
