@@ -7,6 +7,7 @@ mod conversions;
 mod devicenet;
 mod endings;
 mod harness;
+mod healthy;
 mod live;
 mod peers;
 mod real_captures;
