@@ -18,3 +18,4 @@ mod snapshots;
 mod streams;
 mod telegrams;
 mod truth;
+mod wireshark;
