@@ -71,6 +71,15 @@ impl Shaft {
         (self.position as u32).min(self.circle as u32 - 1)
     }
 
+    /// Whether it rests, and until when it goes on as it does; nothing while its speed changes.
+    pub fn pace(&self) -> Option<(bool, Ps)> {
+        let is_for_ever = matches!(self.drive.motion, Motion::Still | Motion::Steady);
+        let until = if is_for_ever { Ps::MAX } else { self.change_at };
+        // As fast as it wants to be, to a step a second.
+        let is_there = (self.speed - self.wanted).abs() < 1.0;
+        is_there.then_some((self.speed == 0.0, until))
+    }
+
     fn turn(&mut self, step: Ps) {
         let seconds = step as f64 / S as f64;
         let ramp = self.drive.speed / RAMP / (self.drive.cycle as f64 / S as f64) * seconds;
@@ -137,6 +146,24 @@ mod tests {
         let reversing = steps(&positions(Motion::Reversing, 25, 1 << 24));
         assert!(reversing.iter().any(|step| *step > 5) && reversing.iter().any(|step| *step < -5));
         assert!(positions(Motion::Still, 13, 4_711).iter().all(|position| *position == 4_711));
+    }
+
+    #[test]
+    fn a_shaft_keeps_its_pace_as_long_as_it_says() {
+        let drive = Drive { motion: Motion::StopAndGo, speed: 2_000.0, cycle: 10 * MS };
+        let mut shaft = Shaft::new(1 << 25, 1 << 24, drive, Chance::new(1, 1));
+        let (mut rests, mut moves) = (0, 0);
+        for look in 0..1_000 {
+            let before = shaft.position_at(look * 10 * MS);
+            let Some((is_at_rest, until)) = shaft.pace() else { continue };
+            if until < (look + 1) * 10 * MS {
+                continue;
+            }
+            let has_moved = shaft.position_at((look + 1) * 10 * MS) != before;
+            assert_eq!(has_moved, !is_at_rest, "{look}");
+            (rests, moves) = (rests + u32::from(is_at_rest), moves + u32::from(!is_at_rest));
+        }
+        assert!(rests > 100 && moves > 100, "{rests} {moves}");
     }
 
     #[test]

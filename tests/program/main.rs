@@ -1,11 +1,14 @@
 //! What a user would try, through the built program.
 
+mod account;
 mod can;
 mod captures;
 mod conversions;
+mod devicenet;
 mod devices;
 mod endings;
 mod harness;
+mod healthy;
 mod live;
 mod peers;
 mod real_captures;
@@ -17,3 +20,4 @@ mod snapshots;
 mod streams;
 mod telegrams;
 mod truth;
+mod wireshark;

@@ -116,6 +116,12 @@ impl ErrorDetail {
         self.classes.has(CONTROLLER) && self.data[1] & 0x03 != 0
     }
 
+    /// Frames are missing: the tap's controller was overrun, or was off the bus and is back.
+    #[must_use]
+    pub const fn is_gap(&self) -> bool {
+        self.is_overrun() || self.classes.has(BUS_OFF | RESTARTED)
+    }
+
     /// A node asked for more time between frames.
     #[must_use]
     pub const fn is_overload(&self) -> bool {

@@ -10,7 +10,7 @@ use super::ledger::{Ledger, Now, is_foreign};
 use super::members::{LaidOut, carried};
 use super::names::Names;
 use super::{PROTOCOL, Settings};
-use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
+use crate::can::{self, ErrorDetail, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
 use crate::event::{Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::measure::Measurement;
@@ -55,10 +55,12 @@ impl DeviceNet {
 
     fn frame(&mut self, bus: &BusInfo, frame: &Frame, out: &mut Output<'_>) {
         if self.runs_backwards(frame) {
-            self.ledger.lose();
-            self.encoders.lose();
+            self.forget();
         }
         self.pass(bus, frame.start, out);
+        if ErrorDetail::of(frame).is_some_and(|detail| detail.is_gap()) {
+            self.forget();
+        }
         self.restart_encoders(bus, frame.start, out);
         let id = match (frame.kind, frame.id) {
             (FrameKind::Data, Identifier::Standard(id)) if frame.crc != Some(false) => Some(id),
@@ -99,6 +101,7 @@ impl DeviceNet {
             // The frame on the wire was longer: what is missing is not its sender's fault.
             let blamed = [&codes::MALFORMED, &codes::SIZE_MISMATCH, &codes::FRAGMENT_SEQUENCE];
             self.ledger.judgement.findings.retain(|finding| !blamed.contains(&finding.code));
+            self.ledger.lose_message(now.id, &facts);
         }
         facts
     }
@@ -239,11 +242,17 @@ impl DeviceNet {
         self.last.0 = at;
     }
 
-    fn lose(&mut self, bus: &BusInfo, loss: Loss, out: &mut Output<'_>) {
-        self.pass(bus, loss.start, out);
-        self.watch.lose();
+    /// What was not heard may have been anything.
+    fn forget(&mut self) {
         self.ledger.lose();
         self.encoders.lose();
+    }
+
+    /// A loss is told with the frame behind it, and may have been at any time since the one before:
+    /// what was due meanwhile is not judged.
+    fn lose(&mut self, bus: &BusInfo, loss: Loss, out: &mut Output<'_>) {
+        self.watch.lose();
+        self.forget();
         can::lose(&PROTOCOL, (bus, self.wire), loss, out);
     }
 }

@@ -334,7 +334,7 @@ impl Station {
             self.produced = now;
             // At the packet rate it produces whatever the delta is; the same again is a retry.
             let is_early = gap.zip(rate_ns).is_some_and(|(gap, rate)| gap < rate / 10 * 9);
-            let step = bound.watch.step_to(reading.position).filter(|step| *step > 0);
+            let step = bound.watch.produce(reading.position).filter(|step| *step > 0);
             if let (Some(step), Some(delta), true) = (step, bound.watch.delta(), is_early)
                 && step < delta
             {

@@ -114,6 +114,14 @@ impl Ledger {
         let (Some((rest, header)), Some(channel)) = (header, channel) else {
             facts.blame(Some(Defect::NoHeader));
             facts.source = port.sender();
+            match port {
+                Port::ExplicitRequest(server) | Port::UnconnectedRequest(server) => {
+                    (facts.station, facts.destination) = (Some(server), Some(server));
+                }
+                // Whom it asks stands in the header.
+                Port::UcmmRequest(_) => {}
+                _ => facts.station = facts.source,
+            }
             return;
         };
         let is_own = header.mac == channel.server && channel.from_server && !header.is_fragment;

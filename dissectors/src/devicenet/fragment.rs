@@ -30,6 +30,10 @@ impl Key {
     pub const fn io(id: u16) -> Self {
         Key((id as u32) << 8 | 0xFF)
     }
+
+    const fn id(self) -> u16 {
+        (self.0 >> 8) as u16
+    }
 }
 
 /// How far a message has come.
@@ -350,6 +354,19 @@ impl Assemblies {
     /// All of them, by place.
     pub fn iter(&self) -> impl Iterator<Item = (usize, &Assembly)> {
         self.all.iter().enumerate()
+    }
+
+    /// A frame with this identifier may have been any fragment, or any acknowledgement of this
+    /// server or to it.
+    pub fn miss(&mut self, id: u16, server: Option<MacId>) {
+        for assembly in &mut self.all {
+            if assembly.key.id() == id {
+                assembly.miss();
+            }
+            if assembly.server.is_some() && assembly.server == server {
+                assembly.awaiting = None;
+            }
+        }
     }
 
     /// What was lost may have been anything.

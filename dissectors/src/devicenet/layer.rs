@@ -397,7 +397,8 @@ impl Facts {
             let (_, identity) = cip::DeviceIdentity::parse(data?).ok()?;
             return Some(cip::Value::Identity(identity));
         }
-        let carries = matches!((code, is_response), (service::GET, true) | (service::SET, false));
+        // Who sets a packet rate is told in the answer to what the slave rounded it.
+        let carries = matches!((code, is_response), (service::GET, true) | (service::SET, _));
         let data = data.filter(|_| carries)?;
         names.decode(self.target, data)
     }

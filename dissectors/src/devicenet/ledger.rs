@@ -8,6 +8,7 @@ use super::flood::Flood;
 use super::fragment::Assemblies;
 use super::identifier::{MAC_IDS, MacId, Place, Port};
 use super::layer::{Facts, kind};
+use super::message::Part;
 use super::node::Node;
 use super::settings::Settings;
 use super::timing::{Timing, Verdict};
@@ -251,6 +252,27 @@ impl Ledger {
             if let Some(since) = flow.idle.take() {
                 judgement.end(&codes::IDLE, since, now);
             }
+        }
+    }
+
+    /// The message in a frame that the capture has cut may have been any: it is a gap in what its
+    /// server was asked and said.
+    pub fn lose_message(&mut self, id: u16, facts: &Facts) {
+        let server = match (self.dynamics.of(id), Port::of(id)) {
+            (Some((dynamic, _)), _) => Some(dynamic.server),
+            (
+                None,
+                Port::ExplicitResponse(server)
+                | Port::ExplicitRequest(server)
+                | Port::UnconnectedRequest(server)
+                | Port::UcmmResponse(server),
+            ) => Some(server),
+            _ => None,
+        };
+        self.assemblies.miss(id, server);
+        let is_acknowledge = facts.fragment.is_some_and(|it| it.part == Part::Acknowledge);
+        if let Some(server) = server.filter(|_| !is_acknowledge) {
+            self.node(server).lose_messages();
         }
     }
 

@@ -132,13 +132,7 @@ impl Node {
 
     /// Whether an Allocate or Release of the connection was seen.
     pub fn has_seen(&self, instance: Instance) -> bool {
-        self.seen.has(match instance {
-            Instance::Explicit => Choice::EXPLICIT,
-            Instance::Poll => Choice::POLL,
-            Instance::Production => Choice::PRODUCING,
-            Instance::Strobe => Choice::STROBE,
-            Instance::Multicast => Choice::MULTICAST,
-        })
+        self.seen.has(choice_of(instance))
     }
 
     /// Takes note of what an Allocate was granted or a Release gave back. Whoever allocates
@@ -190,12 +184,40 @@ impl Node {
         self.transactions = Transactions::default();
     }
 
+    /// These connections, if they were gone, may have been allocated anew.
+    pub fn doubt(&mut self, choice: Choice) {
+        for instance in Instance::ALL {
+            let is_gone = self.connection(instance).state == State::Gone;
+            if is_gone && choice.has(choice_of(instance)) {
+                *self.connection(instance) = Connection::default();
+                self.seen = self.seen.without(choice_of(instance));
+            }
+        }
+    }
+
     /// What was lost may have been anything.
     pub fn lose(&mut self) {
+        self.doubt(Choice::ALL);
         self.connections.iter_mut().for_each(Connection::lose);
         (self.production, self.master_production) = (None, None);
         (self.poll, self.strobe, self.check) = (None, None, None);
+        self.lose_messages();
+    }
+
+    /// What it was asked and said may have been anything.
+    pub fn lose_messages(&mut self) {
         self.heard_clients = [0; 2];
         self.transactions = Transactions::default();
+    }
+}
+
+/// The bits of an allocation choice that stand for a connection.
+const fn choice_of(instance: Instance) -> Choice {
+    match instance {
+        Instance::Explicit => Choice::EXPLICIT,
+        Instance::Poll => Choice::POLL,
+        Instance::Production => Choice::PRODUCING,
+        Instance::Strobe => Choice::STROBE,
+        Instance::Multicast => Choice::MULTICAST,
     }
 }

@@ -6,6 +6,7 @@ use super::connection::{Instance, State as Stands};
 use super::defect::Defect;
 use super::dynamic::Dynamic;
 use super::explicit::{Channel, Text};
+use super::identifier::MacId;
 use super::layer::{Assumed, Facts, Link, kind};
 use super::learn::judge_answer;
 use super::ledger::{Ledger, Now};
@@ -16,6 +17,9 @@ use super::timing::Verdict;
 use super::transactions::Request;
 use crate::finding::Finding;
 use crate::record::Turn;
+
+/// General status of what is in the requested state already (CIP Vol. 1, appendix B).
+const ALREADY: u8 = 0x0B;
 
 impl Ledger {
     /// An answer, or the first fragment of one.
@@ -46,7 +50,7 @@ impl Ledger {
         facts.data = (!body.is_empty()).then_some(text.tail(body.len()));
         let request = request.filter(|request| request.service.is_some());
         if answered.code == service::ERROR {
-            self.refused(request, body, facts);
+            self.refused(channel.server, request, body, facts);
         } else if let Some(request) = request {
             self.done(now, channel, (request, body), facts);
         }
@@ -113,7 +117,7 @@ impl Ledger {
         }
     }
 
-    fn refused(&mut self, request: Option<Request>, body: &[u8], facts: &mut Facts) {
+    fn refused(&mut self, server: MacId, request: Option<Request>, body: &[u8], facts: &mut Facts) {
         match *body {
             [general, additional] => facts.error = Some((general, additional)),
             [general, additional, ..] => {
@@ -122,12 +126,20 @@ impl Ledger {
             }
             _ => facts.blame(Some(Defect::Missing)),
         }
-        let is_allocate = request.is_some_and(|request| {
+        let allocate = request.filter(|request| {
             request.service == Some(service::ALLOCATE)
                 && request.target.is(DEVICENET.0, DEVICENET.1)
         });
+        let general = facts.error.map_or(0, |(general, _)| general);
+        if let (Some(request), ALREADY) = (allocate, general)
+            && let Ok((_, asked)) = allocation::allocate(request.data())
+        {
+            // It granted that before, and the answer did not come through.
+            self.node(server).doubt(asked.choice);
+        }
+        let is_allocate = allocate.is_some();
         let code = if is_allocate { &codes::ALLOCATION_REFUSED } else { &codes::ERROR_RESPONSE };
-        let general = facts.error.map_or(0, |(general, _)| i64::from(general));
+        let general = i64::from(general);
         self.judgement.find(Finding::new(code).actual(general));
     }
 

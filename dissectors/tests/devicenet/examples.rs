@@ -297,6 +297,7 @@ fn hex(told: &Told, name: &str) -> String {
 
 #[test]
 fn every_worked_frame_is_read_as_its_source_says() {
+    assert_eq!(EXAMPLES.iter().map(|(.., rows)| rows.len()).sum::<usize>(), 100);
     for (name, origin, rows) in EXAMPLES {
         let told = read(name);
         assert_eq!(told.len(), rows.len(), "{name}");

@@ -125,6 +125,17 @@ fn fragmented() -> Line {
     line
 }
 
+/// A master asks the slaves of multicast group 9 at once.
+fn multicast() -> Line {
+    let mut line = Line::default();
+    line.start("08", 5, "4B00");
+    for cycle in 0..40 {
+        line.send(50.0, "449#01");
+        line.send(1.2, &format!("317#{cycle:02X}000000"));
+    }
+    line
+}
+
 fn restarted() -> Line {
     let mut line = polled();
     line.allocate = None;
@@ -150,16 +161,22 @@ fn lines() -> Vec<(&'static str, Line)> {
         ("cyclic", changing("20", "6400", true)),
         ("strobe", strobed()),
         ("fragmented", fragmented()),
+        ("multicast", multicast()),
         ("switched off and on", restarted()),
     ]
 }
 
-/// A record without numbers: what it says, whenever the capture began.
-fn meaning(told: &Told) -> String {
+/// What a record says, its numbers counted from the first record that is compared.
+fn meaning(told: &Told, first: u64) -> String {
     let mut fields = told.fields.clone();
-    fields.remove("request");
-    fields.remove("fragments");
-    format!("{:?} {} {:?} {:?} {fields:?}", told.ns, told.kind, told.codes, told.summary)
+    for numbers in ["request", "fragments"] {
+        if let Some(text) = fields.get_mut(numbers) {
+            let shifted = text.split(' ').map(|n| n.parse::<i64>().unwrap() - first as i64);
+            *text = format!("{:?}", shifted.collect::<Vec<_>>());
+        }
+    }
+    let n = told.n - first;
+    format!("{n} {:?} {} {:?} {:?} {fields:?}", told.ns, told.kind, told.codes, told.summary)
 }
 
 #[test]
@@ -188,7 +205,9 @@ fn from_the_first_allocate_on_a_late_start_makes_no_difference() {
             _ => None,
         };
         let after = |told: &[Told]| -> Vec<String> {
-            told.iter().filter(|told| told.ns >= from).map(meaning).collect()
+            let after = told.iter().filter(|told| told.ns >= from);
+            let first = after.clone().next().unwrap().n;
+            after.map(|told| meaning(told, first)).collect()
         };
         let whole = after(&decode(&line.heard, end));
         for start in 0..=allocate {

@@ -8,6 +8,7 @@ mod eds;
 mod encoders;
 mod examples;
 mod explicit;
+mod gaps;
 mod healthy;
 mod io;
 mod management;

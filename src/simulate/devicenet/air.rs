@@ -91,10 +91,36 @@ pub trait Node {
     fn clock(&self) -> Clock;
 }
 
+/// What a shaft does, and until when: who sets presets knows what the machine does next.
+#[derive(Clone, Copy, Default)]
+pub struct Pace {
+    is_at_rest: bool,
+    until: Ps,
+}
+
+impl Pace {
+    /// Nothing is known of a shaft whose speed changes.
+    pub fn new(pace: Option<(bool, Ps)>) -> Self {
+        pace.map_or(Pace::default(), |(is_at_rest, until)| Pace { is_at_rest, until })
+    }
+
+    /// Whether it rests until then.
+    pub fn rests(self, until: Ps) -> bool {
+        self.is_at_rest && self.until > until
+    }
+
+    /// Whether it turns until then.
+    pub fn turns(self, until: Ps) -> bool {
+        !self.is_at_rest && self.until > until
+    }
+}
+
 /// What nodes share.
 pub struct Air {
     /// Whether faults strike.
     pub fate: Fate,
+    /// What the encoders' shafts do, by MAC ID.
+    pub paces: [Pace; 64],
     waiting: Vec<Sending>,
     number: u64,
     /// Who is at it: sends on its behalf.
@@ -104,7 +130,7 @@ pub struct Air {
 impl Air {
     /// A silent bus.
     pub fn new(fate: Fate, clock: Clock) -> Self {
-        Air { fate, waiting: Vec::new(), number: 0, turn: (0, clock) }
+        Air { fate, paces: [Pace::default(); 64], waiting: Vec::new(), number: 0, turn: (0, clock) }
     }
 
     /// Whoever is at it sends this as soon as the bus is free after `ready`.

@@ -4,7 +4,7 @@
 //! [`super::produce`], and what goes wrong with them as a whole in [`super::incident`].
 
 use super::agenda::Agenda;
-use super::air::{Air, Node, Note};
+use super::air::{Air, Node, Note, Pace};
 use super::connection::Connection;
 use super::explicit::{Incoming, Outgoing};
 use super::fault::Fault;
@@ -61,6 +61,8 @@ pub struct Encoder {
     pub(super) connections: [Connection; 4],
     pub(super) incoming: Incoming,
     pub(super) outgoing: Option<(Outgoing, Note)>,
+    /// When its last answer was ready: it answers one request after the other.
+    pub(super) answered: Ps,
     /// Fragments that it does not hear.
     pub(super) deaf: u8,
     pub(super) production: Production,
@@ -103,6 +105,7 @@ impl Encoder {
             }),
             incoming: Incoming::default(),
             outgoing: None,
+            answered: 0,
             deaf: 0,
             production: Production::new(plan),
             streak: None,
@@ -151,6 +154,7 @@ impl Encoder {
     /// The I/O data of a connection, and the position in it. Data can be wrong for a while.
     pub(super) fn io(&mut self, instance: u8, now: Ps, air: &mut Air) -> (Vec<u8>, Option<u32>) {
         let disc = self.shaft.position_at(now);
+        air.paces[usize::from(self.mac())] = Pace::new(self.shaft.pace());
         let assembly = self.connections[usize::from(instance) - 1].assembly;
         let mut data = self.objects.assembly(assembly, disc);
         let mut position = Some(self.objects.parameters.position(disc));

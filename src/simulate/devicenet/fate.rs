@@ -122,6 +122,13 @@ impl Fate {
         *quiet = (*quiet).max(now + fault.rest());
     }
 
+    /// What struck last may be told as early as then.
+    pub fn since(&mut self, from: Ps) {
+        if let Some(struck) = self.struck.last_mut() {
+            struck.from = struck.from.min(from);
+        }
+    }
+
     /// What struck since this was asked for last.
     pub fn take(&mut self) -> Vec<Struck> {
         std::mem::take(&mut self.struck)

@@ -85,7 +85,7 @@ pub enum Fault {
     IoFlood,
     /// A slave says that it shuts down, and restarts
     Shutdown,
-    /// The scanner releases an I/O connection, and I/O goes on for a moment
+    /// The scanner releases an I/O connection, and I/O goes on for a moment (poll, cos, cyclic)
     NotAllocated,
     /// A second request with the same transaction ID while the first is open
     XidBusy,
@@ -196,6 +196,7 @@ impl Fault {
             "devicenet.no-response",
             "devicenet.late-production",
             "devicenet.connection-timeout",
+            "devicenet.fragment-unacknowledged",
             "encoder.unsaved-parameter",
         ];
         match self {
@@ -213,13 +214,17 @@ impl Fault {
                 &["devicenet.error-response"]
             }
             DuplicateMac => &["devicenet.node-restart"],
-            ConnectionTimeout => &["devicenet.late-production"],
-            NoResponse => &["devicenet.late-response"],
+            // A slave whose bit is not set does not answer the strobe.
+            ConnectionTimeout => &["devicenet.late-production", "devicenet.no-strobe-response"],
+            // The scanner allocates again what it was not told to have.
+            NoResponse => &["devicenet.late-response", "devicenet.allocation-refused"],
             FragmentSequence | FragmentUnacknowledged => &[
                 "devicenet.fragment-retry",
                 "devicenet.fragment-unacknowledged",
                 "devicenet.no-response",
             ],
+            // The shaft may turn when the preset comes for the second time.
+            FragmentRetry => &["encoder.preset-while-moving"],
             FragmentRejected => &["devicenet.no-response"],
             AllocationInvalid => &["devicenet.allocation-refused"],
             NodeRestart | Shutdown | UnsavedParameter => RESTARTS,
@@ -252,7 +257,9 @@ impl Fault {
     pub fn told_within(self) -> Ps {
         use Fault::*;
         match self {
-            NoResponse | LateResponse | DeviceFault => 1_500 * MS,
+            LateResponse | DeviceFault => 1_500 * MS,
+            // The scanner asks again after 1.5 s.
+            NoResponse => 2 * S,
             FragmentSequence | FragmentUnacknowledged | FragmentRetry => 2_500 * MS,
             ConnectionTimeout | LateProduction => 3 * S,
             DuplicateMac | NodeRestart | Shutdown | UnsavedParameter => 4 * S,
@@ -267,8 +274,10 @@ impl Fault {
         match self {
             NodeRestart | Shutdown | UnsavedParameter => 8 * S,
             ConnectionTimeout | DuplicateMac => 5 * S,
+            // Longer than the flag lasts, so that it is off between two.
+            Warning => 4 * S,
             FragmentSequence | FragmentUnacknowledged | NoResponse => 4 * S,
-            FragmentRetry | LateResponse | Alarm | Warning | DeviceFault | NotAllocated => 3 * S,
+            FragmentRetry | LateResponse | Alarm | DeviceFault | NotAllocated => 3 * S,
             ErrorFrame | Stuff | Form | Crc | Overload | Truncated | ForeignFrame | ReservedId => {
                 20 * MS
             }

@@ -19,6 +19,9 @@ const ANSWER: Ps = 1_500 * MS;
 /// How long a shaft must rest before its preset is set.
 const REST: Ps = 600 * MS;
 
+/// How long it goes on as it does when a preset is set, until that is done.
+const SETTING: Ps = 300 * MS;
+
 /// Steps that a shaft at rest may move.
 const STILL: u32 = 2;
 
@@ -44,6 +47,8 @@ pub struct Link {
     position: Option<u32>,
     moved_at: Ps,
     is_open: bool,
+    /// It is going to be switched off and on: nothing is asked before.
+    is_doomed: bool,
 }
 
 impl Link {
@@ -63,6 +68,7 @@ impl Link {
             position: None,
             moved_at: 0,
             is_open: false,
+            is_doomed: false,
         }
     }
 
@@ -79,9 +85,9 @@ impl Link {
         *self = Link { serial, is_allocated, ..Link::new(self.station) };
     }
 
-    /// Whether nothing is asked.
+    /// Whether nothing is asked, and something may be.
     pub fn is_idle(&self) -> bool {
-        self.jobs.is_empty() && self.current.is_none()
+        self.jobs.is_empty() && self.current.is_none() && !self.is_doomed
     }
 
     /// Whether it is polled or strobed now.
@@ -105,13 +111,16 @@ impl Link {
         }
     }
 
-    fn is_at_rest(&self, now: Ps) -> bool {
-        self.position.is_some() && now - self.moved_at > REST
+    /// Whether its shaft rested for a while, and goes on to.
+    fn is_at_rest(&self, now: Ps, air: &Air) -> bool {
+        let pace = air.paces[usize::from(self.mac())];
+        self.position.is_some() && now - self.moved_at > REST && pace.rests(now + SETTING)
     }
 
-    /// Whether the last two positions differed just now.
-    fn is_moving(&self, now: Ps) -> bool {
-        now - self.moved_at < 100 * MS
+    /// Whether the last two positions differed just now, and the next will.
+    fn is_moving(&self, now: Ps, air: &Air) -> bool {
+        let pace = air.paces[usize::from(self.mac())];
+        now - self.moved_at < 100 * MS && pace.turns(now + SETTING)
     }
 
     /// Whether it works no more: nothing was heard of it.
@@ -153,7 +162,7 @@ impl Scanner {
                 return;
             }
             Some(fault) => job::errand_of(fault, &station, &mut self.chance),
-            None => job::errand(&station, self.links[link].is_at_rest(now), &mut self.chance),
+            None => job::errand(&station, self.links[link].is_at_rest(now, air), &mut self.chance),
         };
         self.links[link].jobs.extend(jobs);
     }
@@ -162,10 +171,12 @@ impl Scanner {
     fn faulty_errand(&mut self, link: usize, now: Ps, air: &mut Air) -> Option<Fault> {
         let Link { station, .. } = &self.links[link];
         let (mac, mode) = (station.mac, station.mode);
-        let is_at_rest = self.links[link].is_at_rest(now);
-        let is_moving = self.links[link].is_moving(now);
+        let is_at_rest = self.links[link].is_at_rest(now, air);
+        let is_moving = self.links[link].is_moving(now, air);
         let can = |fault: &Fault| match fault {
             Fault::ConnectionTimeout => matches!(mode, Mode::Poll | Mode::Strobe),
+            // Who is released is not strobed in particular.
+            Fault::NotAllocated => mode != Mode::Strobe,
             Fault::PresetWhileMoving => is_moving,
             Fault::Written | Fault::UnsavedParameter | Fault::FragmentSequence => is_at_rest,
             _ => true,
@@ -360,6 +371,7 @@ impl Scanner {
                 self.agenda.set(now + soon, Task::Reconnect(link));
             }
             Then::PowerCycle => {
+                link_of.is_doomed = true;
                 let slave = link_of.mac();
                 air.fate.power_cycles.push((slave, now + 700 * MS));
             }

@@ -28,6 +28,8 @@ pub struct Listener {
     /// Frames that it is missing now, and those that it still will.
     missed: u64,
     misses: u64,
+    /// When it heard the last frame.
+    heard_at: Ps,
     /// It is off the bus until then.
     off_until: Option<Ps>,
 }
@@ -42,6 +44,7 @@ impl Listener {
             frames: 0,
             missed: 0,
             misses: 0,
+            heard_at: 0,
             off_until: None,
         }
     }
@@ -63,6 +66,7 @@ impl Listener {
             let kept = self.kept(attempt, fate);
             what.push(What::Frame(&attempt.sending.frame, kept));
             self.frames += 1;
+            self.heard_at = attempt.end;
             self.errors = self.errors.saturating_sub(1);
         }
         if let Some(flaw) = attempt.flaw.filter(|flaw| *flaw != Flaw::UnacknowledgedPassive) {
@@ -114,6 +118,8 @@ impl Listener {
         let station = attempt.sending.note.station.unwrap_or(attempt.sending.note.source);
         if self.misses == 0 && fate.strikes(Fault::Dropped, station, attempt.end) {
             self.misses = 1 + self.chance.below(5);
+            // A log may tell of it right behind the frame before.
+            fate.since(self.heard_at);
         }
         let is_missing = self.misses > 0;
         if is_missing {

@@ -203,6 +203,10 @@ impl Plan {
         ensure!(!stations.is_empty(), "{name}: there is no encoder with the MAC ID it names");
         let has = |modes: &[Mode]| stations.iter().any(|station| modes.contains(&station.mode));
         match order.fault {
+            NotAllocated => ensure!(
+                has(&[Mode::Poll, Mode::Cos, Mode::Cyclic]),
+                "{name}: needs --mode poll, cos or cyclic"
+            ),
             NoPollResponse => ensure!(has(&[Mode::Poll]), "{name}: needs --mode poll"),
             NoStrobeResponse => ensure!(has(&[Mode::Strobe]), "{name}: needs --mode strobe"),
             HighLoad => ensure!(has(&[Mode::Poll, Mode::Strobe]), "{name}: needs --mode poll"),

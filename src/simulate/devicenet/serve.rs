@@ -227,6 +227,8 @@ impl Encoder {
         if air.fate.strikes(Fault::LateResponse, mac, now) {
             ready = now + self.some(600 * MS, 900 * MS);
         }
+        ready = ready.max(self.answered + US);
+        self.answered = ready;
         let message = Outgoing::new(id::response(mac), header, answer);
         if message.is_fragmented() {
             self.outgoing = Some((message, note));
@@ -235,7 +237,8 @@ impl Encoder {
         }
         air.send(ready, message.frame(), note.clone());
         if air.fate.strikes(Fault::UnsolicitedResponse, mac, now) {
-            air.send(ready + 5 * MS, message.frame(), note);
+            // Right behind it, before the next request, whose answer it might be taken for.
+            air.send(ready + 100 * US, message.frame(), note);
         }
     }
 

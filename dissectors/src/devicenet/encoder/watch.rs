@@ -37,6 +37,8 @@ pub struct Watch {
     before: Option<(u32, Moment)>,
     /// By how many steps the shaft moved last, and until when it is taken to move.
     motion: Option<(u32, Moment)>,
+    /// The position that was produced last, unasked.
+    produced: Option<u32>,
     alarm: Lasting,
     warning: Lasting,
     told_turns: Option<(u32, u32)>,
@@ -75,6 +77,7 @@ impl Watch {
             positions,
             values: [None; ATTRIBUTES],
             unsaved: 0,
+            produced: None,
             last: None,
             before: None,
             motion: None,
@@ -219,16 +222,17 @@ impl Watch {
         }
     }
 
-    /// How far the position of I/O data is from the one before, in steps.
-    #[must_use]
-    pub fn step_to(&self, position: u32) -> Option<u32> {
-        let (last, _) = self.last?;
-        Some(distance(last, position, self.known().total_resolution.or(self.positions)))
+    /// A position was produced unasked. Returns how far it is from the one that was produced before,
+    /// in steps: what was read in between is none of the encoder's reasons to produce.
+    pub fn produce(&mut self, position: u32) -> Option<u32> {
+        let before = self.produced.replace(position)?;
+        Some(distance(before, position, self.known().total_resolution.or(self.positions)))
     }
 
     /// Something was lost: positions before and after do not compare.
     pub fn interrupt(&mut self) {
         (self.last, self.before, self.motion) = (None, None, None);
+        self.produced = None;
     }
 
     fn see_position(&mut self, position: u32, now: Moment, findings: &mut Vec<Finding>) {
