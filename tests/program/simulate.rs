@@ -154,6 +154,17 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
     assert_eq!(simulate(&["-o", "/nowhere/x.chars"]).status, 3);
 }
 
+/// A capture bears its name once all of it is written, and the truth as well.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_fails_leaves_what_was_there() {
+    let scratch = Scratch::new();
+    let capture = scratch.file("bus.chars", "as before");
+    let failed = simulate(&["-o", argument(&capture), "--truth", "/dev/full"]);
+    assert_eq!(failed.status, 3, "{}", failed.stderr);
+    assert_eq!(fs::read_to_string(&capture).unwrap(), "as before");
+}
+
 #[test]
 fn faults_are_listed_with_their_codes() {
     let text = simulate(&["--list-faults"]).good().stdout;
