@@ -14,6 +14,7 @@
 
 mod chance;
 pub mod devicenet;
+pub mod interbus;
 mod level;
 mod motion;
 mod order;

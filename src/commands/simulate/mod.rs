@@ -2,6 +2,7 @@
 
 mod destination;
 mod devicenet;
+mod interbus;
 mod slin;
 
 use crate::say;
@@ -9,6 +10,7 @@ use crate::simulate::{MS, Orderable, Ps, seconds};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use devicenet::Devicenet;
+use interbus::Interbus;
 use slin::Slin;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -29,6 +31,8 @@ pub enum Bus {
     Slin(Box<Slin>),
     /// A scanner and absolute encoders on CAN.
     Devicenet(Box<Devicenet>),
+    /// Linear encoders and other devices in an INTERBUS ring.
+    Interbus(Box<Interbus>),
 }
 
 /// 2026-01-01 00:00:00 UTC.
@@ -39,6 +43,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match &arguments.bus {
         Bus::Slin(slin) => slin.run(),
         Bus::Devicenet(devicenet) => devicenet.run(),
+        Bus::Interbus(interbus) => interbus.run(),
     }
 }
 
