@@ -14,6 +14,7 @@ mod account;
 mod carriage;
 mod encoder;
 mod fault;
+mod line;
 mod log;
 mod master;
 mod plan;
@@ -23,6 +24,7 @@ mod truth;
 mod word;
 
 pub use fault::{Fault, Order};
+pub use line::{Profile, random_ring, run as run_line};
 pub use log::{Columns, Log};
 pub use plan::{Member, Plan};
 

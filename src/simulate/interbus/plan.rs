@@ -23,6 +23,9 @@ pub struct Member {
 }
 
 impl Member {
+    /// An LA-66.
+    pub const ENCODER: Member = Member { is_encoder: true, id: LA66 };
+
     /// Bytes of its register, by the length code of its ID word (Phoenix SUPI 3 manual, tables 3-11
     /// and 3-12). None for codes of less than a byte, and for reserved ones.
     pub fn bytes(self) -> Option<usize> {
@@ -58,7 +61,7 @@ impl FromStr for Member {
 
     fn from_str(text: &str) -> Result<Self, String> {
         if text == "la66" {
-            return Ok(Member { is_encoder: true, id: LA66 });
+            return Ok(Member::ENCODER);
         }
         let is_word = text.len() == 4 && text.bytes().all(|digit| digit.is_ascii_hexdigit());
         let id = u16::from_str_radix(text, 16).ok().filter(|_| is_word);
