@@ -23,6 +23,7 @@ pub mod finding;
 pub mod interbus;
 pub mod limit;
 mod line;
+mod motion;
 pub mod protocol;
 pub mod record;
 pub mod slin;

@@ -8,20 +8,30 @@
 //! IN  00000100   position again
 //! ```
 //!
-//! [`row`] is what a source hands in.
+//! [`row`] is what a source hands in. Process data are [`word`]s; `device` follows the `handshake`
+//! of each device through its rows and lets `judge`, `writes` and `axis` look at what it sees; what
+//! the words mean is in [`service`]. `layer` and `summary` tell it as records.
 
+mod axis;
 mod codes;
+mod device;
 mod dissector;
+mod handshake;
+mod judge;
 mod layer;
 mod profile;
 pub mod row;
+pub mod service;
 mod settings;
+mod summary;
+pub mod word;
+mod writes;
 
 pub use dissector::Interbus;
 pub use layer::FIELDS;
 pub use profile::Profile;
 pub use row::{Content, Device, Row};
-pub use settings::{LIMITS, Settings};
+pub use settings::{LIMITS, ReadEcho, Settings};
 
 use crate::protocol::{Medium, Protocol, Speaks};
 use alloc::{boxed::Box, string::String};

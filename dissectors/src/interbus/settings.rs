@@ -2,6 +2,22 @@
 
 use crate::limit::Limit;
 
+/// What IN holds when a read service is acknowledged. The LA-66 manual says both.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub enum ReadEcho {
+    /// The value that was asked for (§2.3, and the same text in the manual of the 582 encoders).
+    #[default]
+    Value,
+    /// The OUT data once more (§4, step 3).
+    Echo,
+}
+
+impl ReadEcho {
+    /// Both, with their names on the command line.
+    pub const NAMES: [(&'static str, ReadEcho); 2] =
+        [("value", ReadEcho::Value), ("echo", ReadEcho::Echo)];
+}
+
 /// What the user decided; the defaults are those of the manuals, or usual ones where they have none.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Settings {
@@ -11,6 +27,8 @@ pub struct Settings {
     pub no_release_ns: i64,
     /// The log has a row for every bus cycle: a state that it does not show was skipped.
     pub every_cycle: bool,
+    /// What IN holds when a read service is acknowledged.
+    pub read_echo: ReadEcho,
 }
 
 impl Default for Settings {
@@ -19,6 +37,7 @@ impl Default for Settings {
             no_acknowledge_ns: 1_000_000_000,
             no_release_ns: 1_000_000_000,
             every_cycle: false,
+            read_echo: ReadEcho::Value,
         }
     }
 }

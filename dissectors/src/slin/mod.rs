@@ -17,7 +17,6 @@ mod exchange;
 mod grammar;
 mod judge;
 mod ledger;
-mod motion;
 mod outlet;
 pub mod profile;
 mod signature;
