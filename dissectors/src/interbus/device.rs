@@ -508,7 +508,7 @@ impl Known {
         let asked = asked.filter(|asked| now.is_paired && !asked.is_changed);
         let data = input.data();
         let is_changed =
-            |asked: &Request| asked.word.data() != data && asked.is_former_meant_by(input);
+            |it: &Request| !acknowledges(input, it.word) && it.is_former_meant_by(input);
         if asked.as_ref().is_some_and(is_changed) {
             judgement.find(Finding::new(&codes::REQUEST_CHANGED));
         }

@@ -143,7 +143,7 @@ fn wrong(told: &[Told]) -> Vec<(u64, &'static str)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn a_healthy_bus_is_healthy_at_every_cycle(machine in machine()) {
