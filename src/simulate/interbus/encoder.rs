@@ -14,6 +14,8 @@ pub enum Slip {
     OtherData,
     /// It does not acknowledge.
     Silent,
+    /// It takes so many bus cycles longer.
+    Slow(u64),
     /// It does not withdraw its acknowledgement for so many bus cycles.
     Holds(u64),
 }
@@ -133,7 +135,11 @@ impl Encoder {
     fn lag(&mut self, out: u32) -> u64 {
         let is_stored = out & WRITE != 0 && service(out) != ADJUST;
         let most = if is_stored { 20.0 * self.cycles_per_ms } else { 3.0 };
-        self.chance.below(most as u64 + 1)
+        let slower = match self.slip {
+            Some(Slip::Slow(cycles)) => cycles,
+            _ => 0,
+        };
+        self.chance.below(most as u64 + 1) + slower
     }
 
     /// Does what it is asked for, and tells what it acknowledges with: with what it was sent if it

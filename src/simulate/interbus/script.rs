@@ -77,6 +77,8 @@ impl Author {
         let served = |word, manner, slip| vec![Act::Serve(word, manner, slip)];
         let status = plain(read(STATUS));
         let magnet = |is_outside| Act::Magnet { is_outside };
+        // Slow enough for the PLC to see that it waits.
+        let slow = Some(Slip::Slow(self.hold / 20));
         match fault {
             UnrequestedAcknowledge => {
                 vec![Act::Garble(SERVICE | read(LENGTH)), Act::Wait(100 * MS)]
@@ -113,8 +115,8 @@ impl Author {
             NoAcknowledge => served(self.some_read(), Manner::Usual, Some(Slip::Silent)),
             NoRelease => served(self.some_read(), Manner::Usual, Some(Slip::Holds(self.hold))),
             DataWithServiceBit => served(self.some_write(), Manner::AtOnce, None),
-            RequestChanged => served(self.some_stored(), Manner::Changes, None),
-            Withdrawn => served(self.some_stored(), Manner::Withdraws, None),
+            RequestChanged => served(self.some_stored(), Manner::Changes, slow),
+            Withdrawn => served(self.some_stored(), Manner::Withdraws, slow),
             PositionJump => {
                 let steps = self.chance.between(20_000, 200_000) as i32;
                 let is_spike = self.chance.happens(0.5);
