@@ -2,7 +2,7 @@
 
 use crate::cli::Decoding;
 use crate::decode::{FAILED, USAGE, decode, settings};
-use crate::export::{Candump, Chars, Columns, Csv, Export, Json, PcapNg};
+use crate::export::{Candump, Chars, Columns, Csv, Export, Json, PcapNg, Rows};
 use crate::output::Output;
 use crate::say;
 use clap::{Args, ValueEnum};
@@ -39,6 +39,8 @@ enum Form {
     Chars,
     /// CAN frames, as candump and all of can-utils read them.
     Candump,
+    /// Process words of an INTERBUS ring, a row a line: time,device,out,in
+    InterbusLog,
     /// Decoded records, comma-separated.
     Csv,
     /// Decoded records, one JSON object a line.
@@ -62,6 +64,7 @@ impl Form {
             Form::Pcapng => Box::new(PcapNg::new(out)?),
             Form::Chars => Box::new(Chars::new(out)),
             Form::Candump => Box::new(Candump::new(out)),
+            Form::InterbusLog => Box::new(Rows::new(out)),
             Form::Csv => Box::new(Csv::new(out, Columns::default())),
             Form::Json => Box::new(Json::new(out)),
         })

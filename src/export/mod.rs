@@ -7,6 +7,7 @@ mod columns;
 mod csv;
 mod json;
 mod pcapng;
+mod rows;
 pub mod schema;
 mod text;
 
@@ -17,6 +18,7 @@ pub use columns::Columns;
 pub use csv::Csv;
 pub use json::Json;
 pub use pcapng::PcapNg;
+pub use rows::Rows;
 pub use text::Text;
 
 use dissectors::event::Moment;

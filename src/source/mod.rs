@@ -8,7 +8,7 @@ mod chars;
 mod damage;
 mod error;
 mod input;
-mod interbus;
+pub mod interbus;
 mod lanes;
 mod lines;
 mod link;
@@ -34,10 +34,9 @@ mod vcd;
 
 pub use error::{Place, SourceError};
 pub use input::Input;
-pub use interbus::Layout;
-
 pub use numbers::{frequency, seconds_in_ns};
 
+use interbus::Layout;
 use outbox::Reading;
 
 use dissectors::bus::WireFacts;
@@ -199,7 +198,7 @@ pub fn open_stream(
 }
 
 fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    let format = match options.format {
+    let format = match options.format.or_else(|| options.interbus.format()) {
         Some(format) => format,
         None => recognize::format_of(&mut input)?,
     };
@@ -216,7 +215,7 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
             Box::new(Reading::new(interbus::log::Log::new(input, options)?))
         }
         InputFormat::InterbusId => {
-            Box::new(Reading::new(interbus::identification::Table::new(input, options)?))
+            Box::new(Reading::new(interbus::identification::List::new(input, options)?))
         }
         InputFormat::InterbusDiagnostic => {
             Box::new(Reading::new(interbus::diagnostic::Registers::new(input, options)?))

@@ -70,17 +70,6 @@ pub fn hex(max: usize) -> impl Fn(&[u8]) -> IResult<&[u8], u16> {
     }
 }
 
-/// A number as hex digits, so many at most and up to eight.
-pub fn hex32(max: usize) -> impl Fn(&[u8]) -> IResult<&[u8], u32> {
-    move |input| {
-        let digits = take_while_m_n(1, max.min(8), |byte: u8| byte.is_ascii_hexdigit());
-        map_opt(digits, |digits: &[u8]| {
-            u32::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()
-        })
-        .parse(input)
-    }
-}
-
 /// A whole field: nothing may be left over.
 pub fn whole<'a, T>(
     parser: impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>>,

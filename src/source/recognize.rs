@@ -29,6 +29,8 @@ fn recognize(head: &[u8]) -> Option<InputFormat> {
         (vcd::is_dump(head), InputFormat::Vcd),
         (chars::is_header(head), InputFormat::Chars),
         (interbus::log::is_header(head), InputFormat::InterbusLog),
+        (interbus::identification::is_header(head), InputFormat::InterbusId),
+        (interbus::diagnostic::is_header(head), InputFormat::InterbusDiagnostic),
     ];
     let found = formats.into_iter().find(|(is_it, _)| *is_it).map(|(_, format)| format);
     found.or_else(|| saleae::format_of(head)).or_else(|| can_log(head))
@@ -102,7 +104,9 @@ fn advice(head: &[u8]) -> String {
     }
     let first = head.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
     let looks = if is_text(first) {
-        format!("this is text, and no format that is known begins with {}", shown(first))
+        let is_table = first.iter().any(|byte| b",;\t".contains(byte));
+        let table = if is_table { interbus::TABLE } else { "" };
+        format!("this is text, and no format that is known begins with {}{table}", shown(first))
     } else if uart9::fits(head) {
         "this looks like 16-bit words of a 9-bit UART: try --input-format uart9".to_owned()
     } else if parmrk::fits(head) {
@@ -154,6 +158,9 @@ mod tests {
             (InputFormat::Trc, b";####\n;   D:\\TEST.TRC\n     1)      1841 0001  1 00 \n"),
             (InputFormat::Asc, b"date Sam Sep 30 15:06:13 2017\nbase hex  timestamps absolute\n"),
             (InputFormat::Asc, b"base hex  no internal events logged\n"),
+            (InputFormat::InterbusLog, b"time;out1;out2;in1;in2\r\n"),
+            (InputFormat::InterbusId, b"device,id\n"),
+            (InputFormat::InterbusDiagnostic, b"time,status,parameter\n"),
         ] {
             assert_eq!(found(beginning), Ok(format));
         }

@@ -6,6 +6,7 @@ use super::device::Known;
 use super::judge::Judgement;
 use super::layer::{Facts, kind};
 use super::profile::Profile;
+use super::report::Report;
 use super::row::{Content, Device, Row};
 use super::settings::Settings;
 use super::word::Word;
@@ -58,7 +59,8 @@ impl Interbus {
             }
         };
         self.judgement.clear();
-        let facts = Facts { row: Some(row), ..Facts::default() };
+        let report = Report::of(row, self.settings.master);
+        let facts = Facts { row: Some(row), report, ..Facts::default() };
         self.tell(bus, row, kind, Turn::Neither, &facts, out);
     }
 
@@ -75,7 +77,7 @@ impl Interbus {
         let Interbus { devices, profiles, settings, judgement, .. } = self;
         let device = known(devices, profiles, row.device);
         let (told, jump) = device.hear(row, words, n, settings, judgement);
-        let facts = Facts { row: Some(row), process: Some(told) };
+        let facts = Facts { row: Some(row), process: Some(told), ..Facts::default() };
         self.tell(bus, row, told.state.kind(), told.turn, &facts, out);
         if let Some(jump) = jump {
             self.tell_jump(bus, row, jump, out);

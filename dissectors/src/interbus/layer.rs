@@ -1,6 +1,8 @@
 //! What a record of INTERBUS knows.
 
 use super::device::Told;
+use super::identification::{Direction, IdWord};
+use super::report::Report;
 use super::row::{Content, Row};
 use super::service::Service;
 use super::summary::summarize;
@@ -73,6 +75,28 @@ fields! {
             => |t| t.told().and_then(|it| it.response_time).into();
         "interbus.device" (Kind::Int(1, 512), "", Plain) "place in the ring, from 1"
             => |t| t.row.and_then(|row| row.device).map(|device| i64::from(device.number())).into();
+        "interbus.id" (Kind::Hex, "", Plain) "ID word"
+            => |t| t.word(|content| matches!(content, Content::Identification(_)), 0);
+        "interbus.ident" (Kind::Int(0, 255), "", Plain) "ident code: a class of devices"
+            => |t| t.id().map(|id| i64::from(id.ident)).into();
+        "interbus.length_bits" (Kind::Int(0, 512), "bit", Plain) "process data, as the ID word says"
+            => |t| t.id().and_then(|id| id.length.bits()).map(i64::from).into();
+        "interbus.direction" (Kind::OneOf(&Direction::NAMES), "", Plain) "which way process data goes"
+            => |t| t.id().map(|id| id.direction().name()).into();
+        "interbus.message_bits" (Kind::Int(0, 7), "", Plain) "bits 15 to 13 of the ID word"
+            => |t| t.id().map(|id| i64::from(id.messages)).into();
+        "interbus.status" (Kind::Hex, "", Plain) "diagnostic status register"
+            => |t| t.word(|content| matches!(content, Content::Diagnostic { .. }), 0);
+        "interbus.parameter" (Kind::Hex, "", Plain) "diagnostic parameter register"
+            => |t| t.word(|content| matches!(content, Content::Diagnostic { .. }), 1);
+        "interbus.flags" (Kind::List(&Kind::Text), "", Plain) "bits that are set in a register, by name"
+            => |t| t.report.as_ref().map_or(Value::Absent, Report::flags);
+        "interbus.segment" (Kind::Int(0, 255), "", Plain) "segment that the parameter register names"
+            => |t| t.place().map(|(segment, _)| i64::from(segment)).into();
+        "interbus.place" (Kind::Int(0, 127), "", Plain) "device in that segment"
+            => |t| t.place().and_then(|(_, device)| device).map(i64::from).into();
+        "interbus.message" (Kind::Text, "", Plain) "service of a host message"
+            => |t| t.report.as_ref().and_then(Report::message).into();
     }
 }
 
@@ -83,6 +107,22 @@ pub struct Facts<'a> {
     pub row: Option<&'a Row>,
     /// What its process data tells.
     pub process: Option<Told>,
+    /// What the row says, where it holds no process words.
+    pub report: Option<Report<'a>>,
+}
+
+impl Facts<'_> {
+    fn id(&self) -> Option<IdWord> {
+        self.report.as_ref()?.id()
+    }
+
+    fn place(&self) -> Option<(u8, Option<u8>)> {
+        self.report.as_ref()?.place()
+    }
+
+    fn word(&self, is_it: fn(Content) -> bool, index: usize) -> Value<'_> {
+        self.report.as_ref().map_or(Value::Absent, |report| report.word(is_it, index))
+    }
 }
 
 impl<'a> Facts<'a> {
@@ -117,6 +157,9 @@ impl Layer for Facts<'_> {
     }
 
     fn summarize(&self, record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
-        summarize(self, record, out)
+        match &self.report {
+            Some(report) => report.say(out),
+            None => summarize(self, record, out),
+        }
     }
 }

@@ -15,11 +15,15 @@
 mod axis;
 mod codes;
 mod device;
+pub mod diagnostic;
 mod dissector;
 mod handshake;
+pub mod identification;
 mod judge;
 mod layer;
+pub mod message;
 mod profile;
+mod report;
 pub mod row;
 pub mod service;
 mod settings;
@@ -30,6 +34,7 @@ mod writes;
 pub use dissector::Interbus;
 pub use layer::FIELDS;
 pub use profile::Profile;
+pub use report::{Master, Report};
 pub use row::{Content, Device, Row};
 pub use settings::{LIMITS, ReadEcho, Settings};
 

@@ -1,5 +1,6 @@
 //! What INTERBUS traffic is read and judged by.
 
+use super::report::Master;
 use crate::limit::Limit;
 
 /// What IN holds when a read service is acknowledged. The LA-66 manual says both.
@@ -29,6 +30,8 @@ pub struct Settings {
     pub every_cycle: bool,
     /// What IN holds when a read service is acknowledged.
     pub read_echo: ReadEcho,
+    /// How the registers and messages of a master are read.
+    pub master: Master,
 }
 
 impl Default for Settings {
@@ -38,6 +41,7 @@ impl Default for Settings {
             no_release_ns: 1_000_000_000,
             every_cycle: false,
             read_echo: ReadEcho::Value,
+            master: Master::default(),
         }
     }
 }

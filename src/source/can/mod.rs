@@ -4,7 +4,7 @@ pub mod asc;
 pub mod candump;
 pub mod console;
 mod date;
-mod hex;
+pub mod hex;
 mod log;
 pub mod packet;
 mod report;

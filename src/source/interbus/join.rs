@@ -1,0 +1,105 @@
+//! Two logs of one ring, joined by time: usually what the master sends in one, and what it receives
+//! in the other.
+//!
+//! Each line becomes a row, as if one log held both: it carries the last word of the other side.
+//! Lines with the same stamp are one row.
+
+use super::super::SourceError;
+use super::super::outbox::Outbox;
+use super::log::File;
+use dissectors::event::Moment;
+use dissectors::interbus::{Content, Row};
+
+/// Devices in a ring, and one more for number 0, which is none.
+const PLACES: usize = 513;
+
+/// The second log, and where both are.
+pub struct Join {
+    second: File,
+    /// The next rows of each: those of a line.
+    next: [Vec<Row>; 2],
+    is_over: [bool; 2],
+    /// The last words of each device.
+    last: Vec<Sides>,
+}
+
+/// What the master sent and received last.
+type Sides = (Option<u32>, Option<u32>);
+
+impl Join {
+    /// To be joined to a first one.
+    pub fn new(second: File) -> Self {
+        let (next, is_over) = ([Vec::new(), Vec::new()], [false; 2]);
+        Join { second, next, is_over, last: vec![(None, None); PLACES] }
+    }
+
+    /// The second log.
+    pub fn second(&self) -> &File {
+        &self.second
+    }
+
+    /// Reads the next row, or those of the next line. False at the end of both.
+    ///
+    /// # Errors
+    /// One of them cannot be read any further.
+    pub fn read(
+        &mut self,
+        first: &mut File,
+        rows: &mut Vec<Row>,
+        out: &mut Outbox,
+    ) -> Result<bool, SourceError> {
+        for (file, index) in [(first, 0), (&mut self.second, 1)] {
+            while self.next[index].is_empty() && !self.is_over[index] {
+                self.is_over[index] = !file.read(&mut self.next[index], out)?;
+            }
+        }
+        let start = |index: usize| self.next[index].first().map(|row| row.start);
+        let takes = match (start(0), start(1)) {
+            (None, None) => return Ok(false),
+            (Some(_), None) => [true, false],
+            (None, Some(_)) => [false, true],
+            (Some(first), Some(second)) => takes(first, second),
+        };
+        let taken = (0..2).filter(|index| takes[*index]);
+        taken.clone().for_each(|index| self.learn(index));
+        taken.for_each(|index| self.tell(index, rows));
+        Ok(true)
+    }
+
+    /// Takes note of the next words of one log.
+    fn learn(&mut self, index: usize) {
+        for row in &self.next[index] {
+            if let (Content::Process { out, input }, Some(sides)) =
+                (row.content, self.last.get_mut(place(row)))
+            {
+                *sides = (out.or(sides.0), input.or(sides.1));
+            }
+        }
+    }
+
+    /// Hands the next rows of one log out, with what is known of both sides.
+    fn tell(&mut self, index: usize, rows: &mut Vec<Row>) {
+        for row in self.next[index].drain(..) {
+            let same = |told: &Row| told.device == row.device && told.start == row.start;
+            if rows.iter().any(same) {
+                continue;
+            }
+            let (out, input) = self.last.get(place(&row)).copied().unwrap_or_default();
+            let content = Content::Process { out, input };
+            rows.push(Row::new(row.device, content).at(row.start, row.uncertainty));
+        }
+    }
+}
+
+fn place(row: &Row) -> usize {
+    row.device.map_or(0, |device| usize::from(device.number()))
+}
+
+/// Which of two rows comes next, or both.
+fn takes(first: Moment, second: Moment) -> [bool; 2] {
+    match first.ns().cmp(&second.ns()) {
+        std::cmp::Ordering::Less => [true, false],
+        std::cmp::Ordering::Greater => [false, true],
+        std::cmp::Ordering::Equal => [true, true],
+    }
+}

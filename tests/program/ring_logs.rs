@@ -1,0 +1,138 @@
+//! Logs of an INTERBUS ring, as controllers and commissioning tools write them.
+
+use crate::harness::{Scratch, argument, fieldtap};
+use serde_json::Value;
+
+/// The records of a log, read with more options.
+fn records(name: &str, content: &str, options: &[&str]) -> Vec<Value> {
+    let scratch = Scratch::new();
+    let log = scratch.file(name, content);
+    let arguments = ["read", "--format", "json", argument(&log)];
+    fieldtap(arguments.iter().chain(options)).good().records()
+}
+
+/// What one record says of each key.
+fn values<'a>(records: &'a [Value], key: &str) -> Vec<&'a Value> {
+    records.iter().map(|record| &record["interbus"][key]).collect()
+}
+
+/// Every form of the same two rows: measuring length 5000 (1388h) written, and acknowledged.
+#[test]
+fn the_same_words_in_every_form() {
+    let plain = "time,out,in\n0.50,C2001388,00000100\n0.52,C2001388,C2001388\n";
+    let expected = records("plain.csv", plain, &[]);
+    assert_eq!(values(&expected, "out"), ["C2001388", "C2001388"]);
+    assert_eq!(values(&expected, "in"), ["00000100", "C2001388"]);
+    assert_eq!(expected[1]["time_ns"], 520_000_000);
+    assert_eq!(expected[1]["uncertainty_ns"], 10_000_000);
+    let split = "Zeit;QW10;QW12;IW10;IW12\n0,50;C200;1388;0000;0100\n0,52;C200;1388;C200;1388\n";
+    // C200h = 49664, or -15872 as a signed word; 1388h = 5000, 0100h = 256.
+    let decimal = "500,49664,5000,0,256\n520,-15872,5000,49664,5000\n";
+    let same = |content: &str, options: &[&str]| {
+        let mut same = records("same.csv", content, options);
+        same.iter_mut().zip(&expected).for_each(|(record, expected)| {
+            // Hundredths or thousandths: the stamp is the same.
+            record["uncertainty_ns"] = expected["uncertainty_ns"].clone();
+        });
+        assert_eq!(same, expected, "{content}");
+    };
+    same(split, &["--columns", "time=Zeit,out1=QW10,out2=QW12,in1=IW10,in2=IW12"]);
+    same(split, &["--ring-map", "1=QW10+QW12/IW10+IW12", "--columns", "time=1"]);
+    let by_number = "time=1,out1=2,out2=3,in1=4,in2=5";
+    same(decimal, &["--words", "decimal", "--columns", by_number, "--time-unit", "ms"]);
+}
+
+#[test]
+fn what_the_master_sends_in_one_file_and_what_it_receives_in_the_other() {
+    let scratch = Scratch::new();
+    let sent = scratch.file("sent.csv", "time,out\n0.1,C2001388\n0.3,42001388\n");
+    let received = scratch.file("received.csv", "time,in\n0.1,00000100\n0.2,C2001388\n");
+    let run =
+        fieldtap(["read", "--format", "json", argument(&sent), "--join", argument(&received)]);
+    let records = run.good().records();
+    assert_eq!(values(&records, "out"), ["C2001388", "C2001388", "42001388"]);
+    assert_eq!(values(&records, "in"), ["00000100", "C2001388", "C2001388"]);
+}
+
+#[test]
+fn a_log_that_is_written_is_read_back_as_it_was() {
+    let scratch = Scratch::new();
+    let logs = [
+        "time,device,out,in\n0,1,C2001388,00000100\n0.010,2,,00000007\n0.0105,1,42001388,\n",
+        "time;in\n03.05.2024 10:41:07,5;5\n03.05.2024 10:41:08,0;6\n",
+    ];
+    for log in logs {
+        let before = scratch.file("before.csv", log);
+        let after = scratch.path("after.csv");
+        let form = ["--output-format", "interbus-log"];
+        fieldtap(["convert", "-q", argument(&before), argument(&after)].iter().chain(&form)).good();
+        let read = |path| fieldtap(["read", "--format", "json", argument(path)]).good().records();
+        assert_eq!(read(&after), read(&before), "{log}");
+    }
+    let ids = scratch.file("ids.csv", "device,id\n1,0233\n");
+    let out = scratch.path("out.csv");
+    let run =
+        fieldtap(["convert", argument(&ids), argument(&out), "--output-format", "interbus-log"]);
+    assert_eq!(run.status, 3);
+    assert!(run.stderr.contains("interbus-log holds these"), "{}", run.stderr);
+}
+
+/// 02h is two words, 32 bits; 06h is eight words, 128 bits; 0Ah is reserved.
+#[test]
+fn id_words_say_what_they_can_prove() {
+    let records = records("ring.csv", "device,id\n1,0233\n2,8633\n3,0A37\n", &[]);
+    assert!(records.iter().all(|record| record["kind"] == "id-word"));
+    assert_eq!(values(&records, "id"), ["0233", "8633", "0A37"]);
+    assert_eq!(values(&records, "ident"), [51, 51, 55]);
+    assert_eq!(values(&records, "length_bits"), [&Value::from(32), &128.into(), &Value::Null]);
+    assert_eq!(values(&records, "device"), [1, 2, 3]);
+    let summary = records[0]["summary"].as_str().expect("text");
+    assert!(summary.contains("may be an LA-66, which no ID word proves"), "{summary}");
+    assert!(records[2]["summary"].as_str().expect("text").contains("reported, unverified"));
+    assert!(records.iter().all(|record| record["findings"] == Value::Array(Vec::new())));
+}
+
+#[test]
+fn diagnostics_are_told_in_words() {
+    let summary = |content: &str, options: &[&str]| {
+        let records = records("diagnostic.csv", content, options);
+        assert_eq!(records[0]["kind"], "diagnostic");
+        records[0]["summary"].as_str().expect("text").to_owned()
+    };
+    let register = "time,status,parameter\n0.5,00E2,0301\n";
+    assert_eq!(
+        summary(register, &[]),
+        "peripheral fault, the bus runs on; device 3.1 (PF RUN ACTIVE READY)"
+    );
+    let third = ["--generation", "3"];
+    assert!(summary("time,status\n0,0004\n", &third).contains("order of bits assumed"));
+    let bits = ["--generation-3-bits", "READY,MOD,LB,RB,CTRL,BSA,RUN,BASP"];
+    assert_eq!(
+        summary("time,status\n0,0004\n", &[&third[..], &bits].concat()),
+        "local bus error (LB)"
+    );
+    assert_eq!(summary("time,device,slave\n0,3,01\n", &[]), "device 3: reconfiguration requested");
+    let message = "time,message\n0,8081 0003 0002 2116 0000\n";
+    assert_eq!(summary(message, &third), "Read request: CR 2, index 2116h");
+}
+
+#[test]
+fn what_cannot_be_read_is_told_with_what_to_do() {
+    let scratch = Scratch::new();
+    let log = scratch.file("plc.csv", "Timestamp;QD10;ID10\n0,1;0;0\n");
+    let run = fieldtap(["read", argument(&log)]);
+    assert!(run.status == 3 && run.stderr.contains("--columns time=1,out=2"), "{}", run.stderr);
+    let run = fieldtap(["read", argument(&log), "--columns", "out=QD11"]);
+    assert_eq!(run.status, 3);
+    assert!(
+        run.stderr.contains("there is no column QD11: the columns are \"Timestamp\" \"QD10\""),
+        "{}",
+        run.stderr
+    );
+    let run = fieldtap(["read", argument(&log), "--columns", "output=QD10"]);
+    assert!(run.status == 2 && run.stderr.contains("names are time, date"), "{}", run.stderr);
+    let bad = scratch.file("bad.csv", "time,out,in\n0.1,0,5\n0.2,?,5\n0.3,0,5\n");
+    let run = fieldtap(["read", argument(&bad)]).good();
+    assert!(run.stderr.contains("line 3: a word is no hex digits"), "{}", run.stderr);
+    assert_eq!(run.stdout.lines().count(), 3, "a header and two records");
+}
