@@ -25,6 +25,7 @@ pub mod limit;
 mod line;
 pub mod protocol;
 pub mod record;
+pub mod setting;
 pub mod slin;
 pub mod station;
 pub mod uart;

@@ -19,6 +19,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &codes::CODES,
     limits: &[],
     medium: Medium::Can,
+    wires: &[],
     speaks: |_| Speaks::Yes(String::from("nothing speaks for another protocol")),
     dissector: |wire, _| Box::new(Can::new(wire)),
 };
@@ -193,7 +194,7 @@ impl Dissector for Can {
                 lose(&PROTOCOL, (bus, self.wire), loss, out);
             }
             Event::Characters(_)
-            | Event::Rows(_)
+            | Event::Rows(_) | Event::Cycle(_) | Event::Silence(_)
             | Event::Break(_)
             | Event::Advance(_)
             | Event::Levels(_) => {}

@@ -8,17 +8,20 @@
 //! IN  00000100   position again
 //! ```
 //!
-//! [`row`] is what a source hands in.
+//! [`row`] is what a source hands in, [`line`] what is made of the levels of a ring's wires.
 
 mod codes;
+mod cycle_fields;
 mod dissector;
 mod layer;
+pub mod line;
 mod profile;
 pub mod row;
 mod settings;
 
 pub use dissector::Interbus;
 pub use layer::FIELDS;
+pub use line::Cycle;
 pub use profile::Profile;
 pub use row::{Content, Device, Row};
 pub use settings::{LIMITS, Settings};
@@ -35,6 +38,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &codes::CODES,
     limits: &LIMITS,
     medium: Medium::Words,
+    wires: &["DO", "DI"],
     speaks: |_| Speaks::Yes(String::from("the source has words of a ring")),
     dissector: |wire, settings| Box::new(Interbus::new(wire, settings)),
 };

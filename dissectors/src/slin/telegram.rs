@@ -217,7 +217,7 @@ impl Layer for Telegram<'_> {
             Heard::Break(_) | Heard::Lost(_) => {
                 record.findings.iter().try_for_each(|finding| finding.say(record, out))
             }
-            Heard::Nothing | Heard::Frame(_) | Heard::Row(_) => match record.findings.first() {
+            Heard::Nothing | Heard::Frame(_) | Heard::Row(_) | Heard::Cycle(_) => match record.findings.first() {
                 Some(finding) => finding.say(record, out),
                 None => write!(out, "nothing"),
             },
