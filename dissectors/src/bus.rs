@@ -11,6 +11,7 @@ use crate::finding::Finding;
 use crate::line::{Line, Listener};
 use crate::protocol::{Conclusion, Medium, Protocol, Settings};
 use crate::record::{BusInfo, Output};
+use crate::setting::Setting;
 use crate::uart::{Baud, Format, Wire};
 use alloc::vec::Vec;
 
@@ -41,7 +42,7 @@ pub struct Sampling {
 }
 
 /// What was on the wire so far, good or bad: characters of a serial line, frames of a CAN bus,
-/// rows of words.
+/// rows and cycles of words.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LineCounts {
     /// CAN frames, error frames included.
@@ -50,6 +51,10 @@ pub struct LineCounts {
     pub error_frames: u64,
     /// Rows of words.
     pub rows: u64,
+    /// Cycles of words.
+    pub cycles: u64,
+    /// Cycles that are damaged: their stop bits, their end, or their checksum.
+    pub bad_cycles: u64,
     /// Characters.
     pub characters: u64,
     /// Characters with a parity or framing error.
@@ -83,6 +88,7 @@ impl Sampling {
 /// A bus that is being decoded.
 pub struct Bus {
     line: Line,
+    wires: usize,
     decoder: Decoder,
     given: Wire,
 }
@@ -98,7 +104,7 @@ impl Bus {
         let doubt = facts.baud.zip(settings.line.baud).and_then(|(told, set)| told.doubt(set));
         let mut decoder = Decoder::new(info, settings, can_find_rate, facts.medium);
         doubt.into_iter().for_each(|finding| decoder.note(finding));
-        Bus { line, decoder, given }
+        Bus { line, wires: 1, decoder, given }
     }
 
     /// Name and clock.
@@ -140,7 +146,21 @@ impl Bus {
     /// Everything that was found out instead of being told.
     #[must_use]
     pub fn conclusions(&self) -> Vec<Conclusion> {
-        self.line.conclusions().iter().cloned().chain(self.decoder.conclusions()).collect()
+        self.line.conclusions().into_iter().chain(self.decoder.conclusions()).collect()
+    }
+
+    /// What the protocol leaves open about its line: the answers that are used, and from what.
+    #[must_use]
+    pub fn settings(&self) -> Vec<Setting> {
+        self.line.settings()
+    }
+
+    /// Another wire of the line is heard from now on. Returns its number, for
+    /// [`Bus::hear_wire`].
+    pub fn add_wire(&mut self) -> usize {
+        self.wires += 1;
+        self.line.add_wires(self.wires);
+        self.wires - 1
     }
 
     /// When silence would mean something: an [`Event::Advance`] to later than this brings records.
@@ -151,8 +171,13 @@ impl Bus {
 
     /// Takes the next event.
     pub fn hear(&mut self, event: Event<'_>, out: &mut Output<'_>) {
+        self.hear_wire(0, event, out);
+    }
+
+    /// Takes the next event of one of its wires.
+    pub fn hear_wire(&mut self, wire: usize, event: Event<'_>, out: &mut Output<'_>) {
         match event {
-            Event::Levels(levels) => self.hear_levels(Some(&levels), out),
+            Event::Levels(levels) => self.hear_levels(Some((wire, &levels)), out),
             Event::Lost(loss) => {
                 self.hear_levels(None, out);
                 self.decoder.hear(self.wire(), Event::Lost(loss), out);
@@ -176,10 +201,10 @@ impl Bus {
     }
 
     /// Takes the next levels, or that none follow.
-    fn hear_levels(&mut self, levels: Option<&Levels<'_>>, out: &mut Output<'_>) {
+    fn hear_levels(&mut self, levels: Option<(usize, &Levels<'_>)>, out: &mut Output<'_>) {
         let mut behind = Behind { decoder: &mut self.decoder, out };
         match levels {
-            Some(levels) => self.line.hear(levels, &mut behind),
+            Some((wire, levels)) => self.line.hear(wire, levels, &mut behind),
             None => self.line.end(&mut behind),
         }
     }

@@ -26,6 +26,7 @@ mod line;
 mod motion;
 pub mod protocol;
 pub mod record;
+pub mod setting;
 pub mod slin;
 pub mod station;
 pub mod uart;

@@ -1,16 +1,17 @@
-//! Rows in, records out.
+//! Rows and cycles in, records out.
 
 use super::PROTOCOL;
 use super::codes;
 use super::device::Known;
 use super::judge::Judgement;
 use super::layer::{Facts, kind};
+use super::line::{Crc, Cycle, Direction, Select};
 use super::profile::Profile;
 use super::report::Report;
 use super::row::{Content, Device, Row};
 use super::settings::Settings;
 use super::word::Word;
-use crate::event::{Event, Moment};
+use crate::event::{Event, Moment, Silence};
 use crate::finding::Finding;
 use crate::motion::Jump;
 use crate::protocol::{self, Conclusion, Dissector};
@@ -39,7 +40,7 @@ impl Interbus {
         let profiles = named.filter_map(|(station, it)| Some((*station, it.on_interbus()?)));
         Interbus {
             wire,
-            settings: settings.interbus,
+            settings: settings.interbus.clone(),
             profiles: profiles.collect(),
             devices: Vec::new(),
             judgement: Judgement::default(),
@@ -47,11 +48,12 @@ impl Interbus {
         }
     }
 
-    fn row(&mut self, bus: &BusInfo, row: &Row, out: &mut Output<'_>) {
+    /// A row of a log, or what a cycle of that number carried for one device.
+    fn row(&mut self, bus: &BusInfo, row: &Row, of_cycle: Option<u64>, out: &mut Output<'_>) {
         let kind = match row.content {
             Content::Process { out: sent, input } => {
                 let words = (sent.map(Word::new), input.map(Word::new));
-                return self.process(bus, row, words, out);
+                return self.process(bus, row, words, of_cycle, out);
             }
             Content::Identification(_) => kind::ID_WORD,
             Content::Diagnostic { .. } | Content::SlaveDiagnostic(_) | Content::Message => {
@@ -70,6 +72,7 @@ impl Interbus {
         bus: &BusInfo,
         row: &Row,
         words: (Option<Word>, Option<Word>),
+        of_cycle: Option<u64>,
         out: &mut Output<'_>,
     ) {
         self.judgement.clear();
@@ -77,7 +80,8 @@ impl Interbus {
         let Interbus { devices, profiles, settings, judgement, .. } = self;
         let device = known(devices, profiles, row.device);
         let (told, jump) = device.hear(row, words, n, settings, judgement);
-        let facts = Facts { row: Some(row), process: Some(told), ..Facts::default() };
+        let process = Some(told);
+        let facts = Facts { row: Some(row), process, of_cycle, ..Facts::default() };
         self.tell(bus, row, told.state.kind(), told.turn, &facts, out);
         if let Some(jump) = jump {
             self.tell_jump(bus, row, jump, out);
@@ -123,6 +127,53 @@ impl Interbus {
         out.emit(record);
     }
 
+    fn cycle(&mut self, bus: &BusInfo, cycle: &Cycle, out: &mut Output<'_>) {
+        let kind = match cycle.select {
+            Select::Identification => kind::ID_CYCLE,
+            Select::Data => kind::DATA_CYCLE,
+        };
+        let facts = Facts { cycle: Some(cycle), ..Facts::default() };
+        let mut findings = [Finding::new(&codes::LINE); 2];
+        let mut count = 0;
+        let crc = cycle.crc();
+        if let Crc::Bad { expected, actual } = crc {
+            let [expected, actual] = [expected, actual].map(i64::from);
+            findings[0] = Finding::new(&codes::CRC).expected(expected).actual(actual);
+            count = 1;
+        }
+        count += usize::from(cycle.trouble.is_some());
+        let mut record = Record::new(&PROTOCOL, kind, (bus, self.wire), &facts).of_cycle(cycle);
+        record.findings = findings.get(..count).unwrap_or_default();
+        out.emit(record);
+        // What a damaged cycle carried is nobody's process data: the devices drop it too.
+        if cycle.is_damaged() || matches!(crc, Crc::Bad { .. }) {
+            return;
+        }
+        let named: Vec<Device> = self.profiles.keys().filter_map(|it| Device::new(*it)).collect();
+        for device in named {
+            let word = |direction| {
+                let data = cycle.data(device, direction)?;
+                data.first_chunk().map(|word| u32::from_be_bytes(*word))
+            };
+            let content =
+                Content::Process { out: word(Direction::Out), input: word(Direction::In) };
+            if content != (Content::Process { out: None, input: None }) {
+                let row = Row::new(Some(device), content).at(cycle.start, cycle.uncertainty);
+                self.row(bus, &row, Some(cycle.number), out);
+            }
+        }
+    }
+
+    fn silence(&mut self, bus: &BusInfo, silence: Silence, out: &mut Output<'_>) {
+        let nothing = Facts::default();
+        let limit = silence.deadline.since(silence.start).unwrap_or(0);
+        let findings = [Finding::new(&codes::RESET).limit(limit)];
+        let blank = Record::new(&PROTOCOL, kind::DATA_CYCLE, (bus, self.wire), &nothing);
+        let mut record = blank.of_event(silence.deadline, &findings);
+        record.uncertainty = silence.uncertainty;
+        out.emit(record);
+    }
+
     fn interrupt(&mut self) {
         self.devices.iter_mut().flatten().for_each(|device| device.interrupt());
     }
@@ -150,7 +201,9 @@ fn known<'a>(
 impl Dissector for Interbus {
     fn hear(&mut self, bus: &BusInfo, event: Event<'_>, out: &mut Output<'_>) {
         match event {
-            Event::Rows(rows) => rows.iter().for_each(|row| self.row(bus, row, out)),
+            Event::Rows(rows) => rows.iter().for_each(|row| self.row(bus, row, None, out)),
+            Event::Cycle(cycle) => self.cycle(bus, cycle, out),
+            Event::Silence(silence) => self.silence(bus, silence, out),
             Event::Lost(loss) => {
                 self.interrupt();
                 let nothing = Facts::default();

@@ -1,7 +1,9 @@
 //! What a record of INTERBUS knows.
 
+use super::cycle_fields::{self, CRCS, WORDS, crc_name};
 use super::device::Told;
 use super::identification::{Direction, IdWord};
+use super::line::{Cycle, Select};
 use super::report::Report;
 use super::row::{Content, Row};
 use super::service::Service;
@@ -97,6 +99,16 @@ fields! {
             => |t| t.place().and_then(|(_, device)| device).map(i64::from).into();
         "interbus.message" (Kind::Text, "", Plain) "service of a host message"
             => |t| t.report.as_ref().and_then(Report::message).into();
+        "interbus.cycle" (Kind::Int(1, i64::MAX), "", Plain) "number of the cycle on the line"
+            => |t| t.cycle_number().map(u64::cast_signed).into();
+        "interbus.cycle_time_ns" (Kind::Int(0, i64::MAX), "ns", Plain) "from the start of the cycle before to its start"
+            => |t| t.cycle.and_then(|cycle| cycle.cycle_time).map(u64::cast_signed).into();
+        "interbus.crc" (Kind::OneOf(&CRCS), "", Plain) "whether the checksums of a cycle fit: unverified until it is known how they are made"
+            => |t| t.cycle.map(|cycle| crc_name(cycle)).into();
+        "interbus.words" (Kind::Rows(&WORDS), "", Plain) "process data of a cycle, by device where the ring is known"
+            => |t| t.cycle.filter(|it| it.select == Select::Data).map_or(Value::Absent, |cycle| Value::Rows(cycle));
+        "interbus.ids" (Kind::List(&Kind::Hex), "", Plain) "ID words of a cycle, the first device first"
+            => |t| t.cycle.filter(|it| it.ids() > 0).map_or(Value::Absent, |cycle| Value::List(cycle));
     }
 }
 
@@ -109,6 +121,10 @@ pub struct Facts<'a> {
     pub process: Option<Told>,
     /// What the row says, where it holds no process words.
     pub report: Option<Report<'a>>,
+    /// The cycle it was made from.
+    pub cycle: Option<&'a Cycle>,
+    /// The number of the cycle that a row was made from.
+    pub of_cycle: Option<u64>,
 }
 
 impl Facts<'_> {
@@ -139,6 +155,10 @@ impl<'a> Facts<'a> {
         Some(f64::from(told.position?) * told.step_mm?)
     }
 
+    fn cycle_number(&self) -> Option<u64> {
+        self.cycle.map(|cycle| cycle.number).or(self.of_cycle)
+    }
+
     /// The words of a row of process data, as bytes.
     fn process(&self) -> (Option<&'a [u8]>, Option<&'a [u8]>) {
         let Some(row) = self.row else { return (None, None) };
@@ -157,9 +177,10 @@ impl Layer for Facts<'_> {
     }
 
     fn summarize(&self, record: &Record<'_>, out: &mut dyn fmt::Write) -> fmt::Result {
-        match &self.report {
-            Some(report) => report.say(out),
-            None => summarize(self, record, out),
+        match (&self.report, self.cycle) {
+            (Some(report), _) => report.say(out),
+            (None, Some(cycle)) => cycle_fields::summarize(cycle, out),
+            (None, None) => summarize(self, record, out),
         }
     }
 }

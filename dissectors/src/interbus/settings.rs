@@ -1,5 +1,6 @@
 //! What INTERBUS traffic is read and judged by.
 
+use super::line::Profile;
 use super::report::Master;
 use crate::limit::Limit;
 
@@ -20,7 +21,7 @@ impl ReadEcho {
 }
 
 /// What the user decided; the defaults are those of the manuals, or usual ones where they have none.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Settings {
     /// A service is to be acknowledged within this, in ns. The LA-66 manual has no limit.
     pub no_acknowledge_ns: i64,
@@ -32,6 +33,8 @@ pub struct Settings {
     pub read_echo: ReadEcho,
     /// How the registers and messages of a master are read.
     pub master: Master,
+    /// What is known of the format of the line.
+    pub line: Profile,
 }
 
 impl Default for Settings {
@@ -42,6 +45,7 @@ impl Default for Settings {
             every_cycle: false,
             read_echo: ReadEcho::Value,
             master: Master::default(),
+            line: Profile::default(),
         }
     }
 }

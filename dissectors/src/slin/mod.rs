@@ -40,6 +40,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &codes::CODES,
     limits: &[],
     medium: Medium::Serial,
+    wires: &[],
     speaks,
     dissector: |wire, settings| Box::new(Slin::new(wire, settings)),
 };

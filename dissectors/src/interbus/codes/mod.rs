@@ -1,7 +1,9 @@
 //! The findings of INTERBUS.
 
+mod line;
 mod process;
 
+pub use line::{CRC, LINE, RESET};
 pub use process::{
     ACCESS, DATA_WITH_SERVICE_BIT, ECHO_MISMATCH, ERROR_BIT, MAGNET, NO_ACKNOWLEDGE, NO_RELEASE,
     POSITION_JUMP, REPEATED_WRITE, REQUEST_CHANGED, RESERVED_BITS, SERVICE_MISMATCH,
@@ -11,7 +13,7 @@ pub use process::{
 use crate::finding::Code;
 
 /// All of them.
-pub static CODES: [&Code; 17] = [
+pub static CODES: [&Code; 20] = [
     &UNREQUESTED_ACKNOWLEDGE,
     &SERVICE_MISMATCH,
     &ECHO_MISMATCH,
@@ -29,4 +31,7 @@ pub static CODES: [&Code; 17] = [
     &POSITION_JUMP,
     &REPEATED_WRITE,
     &WRITTEN,
+    &CRC,
+    &RESET,
+    &LINE,
 ];
