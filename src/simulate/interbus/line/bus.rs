@@ -27,6 +27,9 @@ const HEALTHY: u64 = 48;
 /// Silence after which all devices reset (spec §2.1).
 const RESET: Ps = 25 * MS;
 
+/// Silence before the master is switched on.
+const BEFORE: Ps = 30 * MS;
+
 /// Time from one device to the next, in bits: half of what masters are reckoned with (spec §2.6).
 const HOP: f64 = 0.75;
 
@@ -75,7 +78,7 @@ pub fn run(plan: &Plan, profile: &Profile, tap: Sampler, mut truth: Truth) -> Re
         truth,
         chance,
         devices: plan.ring.len(),
-        now: 200 * US,
+        now: BEFORE,
         due: 0,
         cycles: 0,
         healthy: 0,
@@ -88,7 +91,7 @@ pub fn run(plan: &Plan, profile: &Profile, tap: Sampler, mut truth: Truth) -> Re
 impl Bus<'_> {
     fn go(&mut self) -> Result<()> {
         self.set_up()?;
-        while self.now < self.plan.duration {
+        while self.now < BEFORE + self.plan.duration {
             self.rest()?;
             self.exchange()?;
         }
@@ -128,7 +131,7 @@ impl Bus<'_> {
     fn exchange(&mut self) -> Result<()> {
         let data = self.ring.cycle(self.now);
         let struck = self.ring.take_struck();
-        self.truth.tell_struck(&struck, self.plan.duration)?;
+        self.truth.tell_struck(&struck, Ps::MAX)?;
         let data = &data[..self.devices];
         let devices: Vec<(&[u8], &[u8])> =
             data.iter().map(|data| (&data.out[..], &data.input[..])).collect();
