@@ -9,6 +9,7 @@ mod live;
 mod peers;
 mod real_captures;
 mod ring_logs;
+mod rings;
 mod selection;
 mod set_ups;
 mod simulate;
