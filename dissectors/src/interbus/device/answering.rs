@@ -110,9 +110,20 @@ impl Known {
             }
             None => {}
         }
-        if is_refused {
-            return;
+        if !is_refused {
+            self.done(input, asked, now, judgement);
+            told.step_mm = self.step_mm;
         }
+    }
+
+    /// A service was done: what was written, or read.
+    fn done(
+        &mut self,
+        input: Word,
+        asked: Option<Request>,
+        now: &Now<'_>,
+        judgement: &mut Judgement,
+    ) {
         let Some(service) = Service::numbered(input.service()) else { return };
         let asked = asked.filter(|asked| now.is_paired && !asked.is_changed);
         let data = input.data();
@@ -137,13 +148,12 @@ impl Known {
             Access::Write if service.allows(Access::Write) => {
                 self.written(service, data, now, judgement);
             }
-            Access::Read if !is_echo => {
+            Access::Read if !is_echo && service.allows(Access::Read) => {
                 judgement.judge_answer(service, data);
                 self.learn(service.number, data);
             }
             _ => {}
         }
-        told.step_mm = self.step_mm;
     }
 
     fn written(
