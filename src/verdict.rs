@@ -195,6 +195,10 @@ fn who_of(stations: &[&StationTally]) -> String {
     if unasked != "nobody" {
         let _ = write!(text, " | unasked {unasked}");
     }
+    let heard = numbers(&|station| station.asked == 0 && station.answers == 0);
+    if heard != "nobody" {
+        let _ = write!(text, " | heard {heard}");
+    }
     text
 }
 
@@ -361,8 +365,11 @@ impl fmt::Display for Learned {
 }
 
 fn why_withheld(tally: &Tally, buses: &[Bus]) -> String {
+    let of_words = |bus: &Bus| bus.protocol().is_some_and(|it| it.medium == Medium::Words);
     if buses.iter().all(|bus| bus.info().clock.is_none()) {
         "the source has no times".to_owned()
+    } else if buses.iter().all(of_words) {
+        "rows may be missing between those of the log: --every-cycle".to_owned()
     } else if buses.iter().any(|bus| bus.wire().baud().is_none()) {
         "rate not known".to_owned()
     } else {

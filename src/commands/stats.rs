@@ -4,7 +4,7 @@ use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
 use crate::say;
-use crate::tally::{FindingTally, Period, StationTally};
+use crate::tally::{FindingTally, Period, Positions, StationTally};
 use crate::terminal::clean;
 use crate::verdict::Learned;
 use clap::{Args, ValueEnum};
@@ -131,6 +131,8 @@ fn text(outcome: &Outcome) -> String {
         }
         let _ = writeln!(text);
     }
+    text.push_str(&positions(&tally.stations));
+    text.push_str(&services(&tally.stations));
     let _ =
         writeln!(text, "\n{:<24} {:>4} {:>8} {:<8} when", "finding", "who", "count", "severity");
     for finding in sorted(&tally.findings) {
@@ -159,6 +161,36 @@ fn text(outcome: &Outcome) -> String {
     }
     for (heading, line) in outcome.verdict().lines() {
         let _ = writeln!(text, "{heading:<6} {line}");
+    }
+    text
+}
+
+/// Where stations were; nothing where no record told a position. A String takes any text.
+fn positions(stations: &[StationTally]) -> String {
+    let mut text = String::new();
+    for (station, it) in stations.iter().filter_map(|it| Some((it, it.positions?))) {
+        if text.is_empty() {
+            text.push_str("\nbus       who      first     lowest    highest       last\n");
+        }
+        let (bus, who) = (clean(&station.bus), station.station);
+        let Positions { first, lowest, highest, last, .. } = it;
+        let _ =
+            writeln!(text, "{bus:<8} {who:>4} {first:>10} {lowest:>10} {highest:>10} {last:>10}");
+    }
+    text
+}
+
+/// What stations were asked for; nothing where the protocol has no services.
+fn services(stations: &[StationTally]) -> String {
+    let mut text = String::new();
+    for station in stations {
+        for (name, count) in &station.services {
+            if text.is_empty() {
+                text.push_str("\nbus       who    count service\n");
+            }
+            let (bus, who) = (clean(&station.bus), station.station);
+            let _ = writeln!(text, "{bus:<8} {who:>4} {count:>8} {}", clean(name));
+        }
     }
     text
 }
@@ -264,6 +296,20 @@ fn station_json(station: &StationTally) -> Value {
         "rate_per_s": rate(station),
         "response_time_ns": times,
     });
+    if let Some(Positions { first, lowest, highest, last, moved }) = station.positions {
+        let moved_ns = moved.and_then(|time| time.ns());
+        object["position"] = json!({
+            "first": first, "lowest": lowest, "highest": highest, "last": last,
+            "moved_ns": moved_ns,
+        });
+    }
+    if !station.services.is_empty() {
+        let services = station.services.iter();
+        object["services"] = services
+            .map(|(name, count)| (name.clone(), (*count).into()))
+            .collect::<Map<_, _>>()
+            .into();
+    }
     add_period(&mut object, station.period);
     object
 }

@@ -7,6 +7,7 @@ mod endings;
 mod harness;
 mod live;
 mod peers;
+mod process_words;
 mod real_captures;
 mod ring_logs;
 mod rings;

@@ -2,7 +2,7 @@
 
 use super::handshake::State;
 use super::layer::Facts;
-use super::service::{LENGTH, Service};
+use super::service::{LENGTH, STATUS, Service};
 use super::word::{Access, Word};
 use crate::record::Record;
 use core::fmt::{self, Write};
@@ -25,7 +25,7 @@ fn say_process(
     match (told.state, told.service) {
         (State::Normal, _) => say_position(told, who, out),
         (State::Prepared, Some(word)) => {
-            write!(out, "laid out for {who}: ")?;
+            write!(out, "laid out: ")?;
             say_request(word, out)
         }
         (State::Request, Some(word)) => {
@@ -34,8 +34,8 @@ fn say_process(
         }
         (State::Acknowledge | State::Release, Some(word)) => {
             let verb = match (told.state, word.has_error_bit()) {
-                (State::Release, _) => "withdrawn, still there: ",
-                (_, true) => "has an error bit for: ",
+                (State::Release, _) => "still has: ",
+                (_, true) => "has an error: ",
                 (_, false) => "has done: ",
             };
             write!(out, "{who} {verb}")?;
@@ -84,9 +84,9 @@ fn say_answer(word: Word, step_mm: Option<f64>, out: &mut dyn Write) -> fmt::Res
 fn say_value(word: Word, out: &mut dyn Write) -> fmt::Result {
     match Service::numbered(word.service()) {
         Some(service) => {
-            write!(out, ": ")?;
+            write!(out, "{}", if service.number == STATUS { ": " } else { " " })?;
             service.say(word.data(), out)
         }
-        None => write!(out, ": {:06X}h", word.data()),
+        None => write!(out, " {:06X}h", word.data()),
     }
 }

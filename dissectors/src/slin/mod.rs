@@ -8,7 +8,7 @@
 //!
 //! [`word`] parses telegrams, [`checksum`] knows the readings of the manuals, [`profile`] what is
 //! expected and learned. [`Slin`] puts characters into exchanges, by the rules of `grammar`; the
-//! `ledger` judges them (`judge`, `station`, `motion`) and tells them as records (`telegram`).
+//! `ledger` judges them (`judge`, `station`) and tells them as records (`telegram`).
 
 pub mod checksum;
 pub mod codes;

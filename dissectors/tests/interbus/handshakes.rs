@@ -42,9 +42,9 @@ fn a_write_goes_through_every_state() {
     assert_eq!(
         [&told[1].summary, &told[2].summary, &told[4].summary],
         [
-            "laid out for 1: write measuring length in steps: 5000",
-            "master asks 1: write measuring length in steps: 5000",
-            "1 has done: write measuring length in steps: 5000",
+            "laid out: write measuring length in steps 5000",
+            "master asks 1: write measuring length in steps 5000",
+            "1 has done: write measuring length in steps 5000",
         ]
     );
     assert_eq!(
@@ -67,13 +67,13 @@ fn reads_tell_values_in_words() {
     };
     assert_eq!(
         healthy(0x8100_0000, 0x8100_0001),
-        "1 has done: read counting direction: 1, decreasing to the end of the rod"
+        "1 has done: read counting direction 1, decreasing to the end of the rod"
     );
     assert_eq!(
         healthy(0x8200_0000, 0x8200_1388),
-        "1 has done: read measuring length in steps: 5000"
+        "1 has done: read measuring length in steps 5000"
     );
-    assert_eq!(healthy(0x8400_0000, 0x84FF_FFFF), "1 has done: read preset value 1: 16777215");
+    assert_eq!(healthy(0x8400_0000, 0x84FF_FFFF), "1 has done: read preset value 1 16777215");
     assert_eq!(healthy(0x8800_0000, 0x8800_0000), "1 has done: read error status: no error");
     let (codes, summary) = read(0x8800_0000, 0x8800_0020);
     assert_eq!(codes, [(4, "interbus.magnet")]);
@@ -114,10 +114,7 @@ fn the_rod_gives_resolution_and_millimetres() {
     assert_eq!(resolution.value.as_deref(), Some("0.1 mm"));
     assert_eq!(resolution.evidence, "500 mm in 5000 steps");
     assert_eq!(told[6].summary, "1 at 256, 25.600 mm");
-    assert_eq!(
-        told[4].summary,
-        "1 has done: write measuring length in steps: 5000 (0.1 mm a step)"
-    );
+    assert_eq!(told[4].summary, "1 has done: write measuring length in steps 5000 (0.1 mm a step)");
     assert!(conclusions.iter().all(|it| it.subject != "device"));
     // Nobody said what it is.
     let (_, conclusions) = hear(&rows, Settings::default());

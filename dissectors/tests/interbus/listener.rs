@@ -42,10 +42,10 @@ impl Sink for Recorder {
             _ => None,
         };
         let mut summary = String::new();
-        record.summarize(&mut summary).unwrap();
+        record.summarize(&mut summary).expect("a String takes any text");
         let messages = record.findings.iter().map(|finding| {
             let mut text = String::new();
-            finding.say(record, &mut text).unwrap();
+            finding.say(record, &mut text).expect("a String takes any text");
             text
         });
         let bad = record.findings.iter().filter(|finding| finding.severity() > Severity::Info);
@@ -84,7 +84,7 @@ pub fn every_cycle() -> Settings {
 /// Settings with device 1 as this.
 pub fn device(profile: &str) -> Settings {
     let mut settings = Settings::default();
-    settings.devices.insert(1, Profile::parse(profile).unwrap());
+    settings.devices.insert(1, Profile::parse(profile).expect("a profile"));
     settings
 }
 
