@@ -119,7 +119,9 @@ fn flags(line: &Line, answers: &mut Answers) {
     let identifier = &line.identifier;
     let given = &identifier.given;
     if line.found().next().is_none() {
-        answers.add("flag_order", None, Origin::Default, "no telegrams were found");
+        for key in ["flag_order", "status_value", "check_value", "id_value"] {
+            answers.add(key, None, Origin::Default, "no telegrams were found");
+        }
         return;
     }
     let flags = flags_of(line);
@@ -199,7 +201,12 @@ fn loopback(identifier: &Identifier, answers: &mut Answers) {
     };
     let is_known = place.is_some();
     let value = identifier.loopback.filter(|_| is_known || given.is_some());
-    let origin = if given.is_some() { Origin::Given } else { Origin::Found };
+    let origin = match identifier.order.1 {
+        _ if given.is_some() => Origin::Given,
+        // Read from the other end it is another word.
+        Origin::Default => Origin::Default,
+        _ => Origin::Found,
+    };
     let hex = |word: u16| format!("{word:04X}");
     answers.add("lbw", value.map(|it| hex(it.value)), origin, evidence.clone());
     answers.add("lbw_mask", value.map(|it| hex(it.mask)), origin, "the bits that stay");
@@ -223,10 +230,11 @@ fn checksum(identifier: &Identifier, answers: &mut Answers) {
     let form = account.form;
     let truth = |value: bool| Some(value.to_string());
     let order = if form.is_low_first { "lo-hi" } else { "hi-lo" };
-    let is_sure = account.is_form_sure;
     let evidence = &account.evidence;
     let poly = Some(format!("{:04X}", form.polynomial));
-    answers.add("crc.poly", poly, origin(false, is_sure), evidence.clone());
+    answers.add("crc.poly", poly, origin(false, true), evidence.clone());
+    // With bytes read from the other end, another form gives the same bits.
+    let is_sure = account.is_form_sure && identifier.order.1 != Origin::Default;
     let refin = origin(given.refin.is_some(), is_sure);
     answers.add("crc.refin", truth(form.refin), refin, evidence.clone());
     let refout = origin(given.refout.is_some(), is_sure);

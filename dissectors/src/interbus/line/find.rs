@@ -7,6 +7,7 @@
 use super::receiver::{Flags, Receiver, Shape, StatusFlag, Telegram, bit};
 use crate::bus::Sampling;
 use crate::edges::{Edges, shortest_pulses};
+use crate::event::Levels;
 use alloc::{format, string::String, vec::Vec};
 
 /// The rates there are (Beckhoff, Schneider): 2 Mbit/s with some devices.
@@ -17,6 +18,9 @@ const FEWEST_SAMPLES: f64 = 1.9;
 
 /// How far a rate may be off one of the usual ones to be taken for it, in percent.
 const SNAP: f64 = 3.0;
+
+/// Edges after which it is asked whether a setting is worth going on with.
+const CHUNK: usize = 512;
 
 /// So long after a character, in bits, the next belongs to another cycle.
 pub const PAUSE: u64 = 40;
@@ -153,7 +157,16 @@ fn bits(edges: &Edges, sampling: Sampling, given: Given) -> Vec<(f64, u32)> {
 fn attempt(edges: &Edges, shape: Shape, bitrate: u32, given: Given) -> Found {
     let mut count = Count::new(shape, given);
     let mut receiver = Receiver::new(shape);
-    receiver.hear(&edges.levels(), &mut |telegram| count.take(telegram));
+    let mut level = edges.level;
+    for ticks in edges.ticks.chunks(CHUNK) {
+        let until = ticks.last().map_or(edges.until, |last| last + 1);
+        let levels = Levels { edges: ticks, level, from: edges.from, until };
+        receiver.hear(&levels, &mut |telegram| count.take(telegram));
+        level ^= ticks.len() % 2 == 1;
+        if count.is_hopeless() {
+            break;
+        }
+    }
     count.end_run();
     let mut found = Found {
         bitrate,
@@ -269,6 +282,11 @@ impl Count {
             block.length = block.length.saturating_add(1);
         }
         self.run = self.run.saturating_add(1);
+    }
+
+    /// One in five characters has no stop bit.
+    fn is_hopeless(&self) -> bool {
+        self.bad > 40 && self.bad * 4 > self.status + self.data
     }
 
     fn end_run(&mut self) {
