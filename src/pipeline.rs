@@ -105,9 +105,8 @@ impl Pipeline {
         consumer: &mut dyn Consumer,
     ) -> usize {
         // Two channels of one source may bear the same name.
-        let is_it = |(number, channel): &(usize, &Channel)| {
-            channel.info == info && !heard.contains(number)
-        };
+        let is_it =
+            |(number, channel): &(usize, &Channel)| channel.info == info && !heard.contains(number);
         let known = self.channels.iter().enumerate().find(is_it).map(|(number, _)| number);
         if let Some(known) = known {
             let bus = self.channels[known].bus;
@@ -128,7 +127,12 @@ impl Pipeline {
 
     /// The bus of the same source that a channel is one more wire of, and which. Where the protocol
     /// has several wires, they are known by their names, or else by their order.
-    fn join(&mut self, info: &BusInfo, facts: WireFacts, heard: &[usize]) -> Option<(usize, usize)> {
+    fn join(
+        &mut self,
+        info: &BusInfo,
+        facts: WireFacts,
+        heard: &[usize],
+    ) -> Option<(usize, usize)> {
         let names = self.settings.protocol?.wires;
         facts.sampling?;
         let last = &self.channels[*heard.last()?];

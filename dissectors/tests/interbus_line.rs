@@ -3,10 +3,10 @@
 
 mod ring;
 
-use fieldtap_dissectors::setting::{Origin, Setting};
 use fieldtap_dissectors::device::Profile as DeviceProfile;
 use fieldtap_dissectors::interbus::line::RingDevice;
 use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::setting::{Origin, Setting};
 use ring::{Chance, Fault, Heard, Plan, hear, hear_wires, settings};
 
 fn setting<'a>(heard: &'a Heard, key: &str) -> &'a Setting {
@@ -140,7 +140,7 @@ fn a_tap_further_down_shows_where_it_is() {
 }
 
 fn with_device(number: u16) -> Settings {
-    let profile = DeviceProfile::parse("la66").unwrap();
+    let profile = DeviceProfile::parse("la66").expect("a profile");
     Settings { devices: [(number, profile)].into(), ..settings() }
 }
 
@@ -193,10 +193,7 @@ fn what_is_wrong_with_a_cycle_is_told_once() {
         told(&[(60, Fault::Loopback)]),
         ["interbus.line loopback word B5E3 came back as B4E3"]
     );
-    assert_eq!(
-        told(&[(60, Fault::Shorter)]),
-        ["interbus.line 8 bytes go round, were 10"]
-    );
+    assert_eq!(told(&[(60, Fault::Shorter)]), ["interbus.line 8 bytes go round, were 10"]);
 }
 
 #[test]
@@ -250,7 +247,13 @@ fn a_wire_is_recognized_without_being_told_what_it_is() {
         let recording = plan.record(150, chance);
         for wire in [0, 1] {
             let heard = hear_wires(&plan, &recording, &[wire], Settings::default(), 10_000);
-            assert_eq!(heard.protocol, Some("interbus"), "seed {seed} {wire}: {plan:#?}");
+            assert_eq!(
+                heard.protocol,
+                Some("interbus"),
+                "seed {seed} {wire}: {} {} {plan:#?}",
+                recording.edges[wire].len(),
+                recording.until
+            );
         }
     }
 }

@@ -194,7 +194,9 @@ impl Dissector for Can {
                 lose(&PROTOCOL, (bus, self.wire), loss, out);
             }
             Event::Characters(_)
-            | Event::Rows(_) | Event::Cycle(_) | Event::Silence(_)
+            | Event::Rows(_)
+            | Event::Cycle(_)
+            | Event::Silence(_)
             | Event::Break(_)
             | Event::Advance(_)
             | Event::Levels(_) => {}

@@ -126,7 +126,12 @@ impl Dissector for Uart {
             Event::Lost(loss) => {
                 out.emit(blank.of_loss(loss));
             }
-            Event::Advance(_) | Event::Levels(_) | Event::Frames(_) | Event::Rows(_) | Event::Cycle(_) | Event::Silence(_) => {}
+            Event::Advance(_)
+            | Event::Levels(_)
+            | Event::Frames(_)
+            | Event::Rows(_)
+            | Event::Cycle(_)
+            | Event::Silence(_) => {}
         }
     }
 

@@ -142,7 +142,8 @@ impl Plan {
         const ORDERS: [[usize; 3]; 6] =
             [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
         let devices = (0..=chance.below(8)).map(|_| {
-            let (code, bits) = chance.pick(&[(1, 16), (2, 32), (3, 48), (9, 8), (0x0B, 24), (4, 64)]);
+            let (code, bits) =
+                chance.pick(&[(1, 16), (2, 32), (3, 48), (9, 8), (0x0B, 24), (4, 64)]);
             let ident = chance.pick(&[0x01, 0x02, 0x03, 0x31, 0x32, 0x33, 0x37]);
             Device { id: code << 8 | ident, bits }
         });
@@ -359,7 +360,13 @@ pub struct Tape<'a> {
 
 impl<'a> Tape<'a> {
     pub fn new(plan: &'a Plan) -> Self {
-        Tape { plan, now: [10.0, 10.4], changes: Default::default(), level: [true; 2], has_bad_stop: false }
+        Tape {
+            plan,
+            now: [10.0, 10.4],
+            changes: Default::default(),
+            level: [true; 2],
+            has_bad_stop: false,
+        }
     }
 
     fn bit(&mut self, wire: usize, level: bool, chance: &mut Chance) {
@@ -387,11 +394,8 @@ impl<'a> Tape<'a> {
 
     fn flags(&self, is_id: bool, is_check: bool, is_status: bool) -> [bool; 3] {
         let plan = self.plan;
-        let select = if is_status && !plan.status_has_select {
-            false
-        } else {
-            is_id == plan.id_value
-        };
+        let select =
+            if is_status && !plan.status_has_select { false } else { is_id == plan.id_value };
         let control = !is_status && is_check == plan.check_value;
         let mut flags = [false; 3];
         let values = [select, control, is_status == plan.status_value];

@@ -134,7 +134,8 @@ impl File {
                 None => Ok(number),
             }
         };
-        let bit = |what, number| Ok::<_, anyhow::Error>(within(what, number, 0..=1)?.map(|it| it == 1));
+        let bit =
+            |what, number| Ok::<_, anyhow::Error>(within(what, number, 0..=1)?.map(|it| it == 1));
         let named = self.ring.iter().zip(1..).filter_map(|(device, number)| {
             device.decoder.as_deref().map(|decoder| decoder_of(number, decoder))
         });

@@ -2,6 +2,7 @@
 
 use super::checksum::Account;
 use super::crc::CCITT;
+use super::cycle::WIRES;
 use super::identify::Identifier;
 use super::loopback::{MOST_TOLD, Place};
 use super::profile::Flag;
@@ -70,7 +71,9 @@ fn wire(line: &Line, answers: &mut Answers) {
     let levels: Vec<u8> = line.found().map(|found| level(found.shape.is_inverted)).collect();
     let value = match levels[..] {
         [] => None,
-        [first, ref rest @ ..] if rest.iter().all(|other| *other == first) => Some(first.to_string()),
+        [first, ref rest @ ..] if rest.iter().all(|other| *other == first) => {
+            Some(first.to_string())
+        }
         _ => Some(String::from("different")),
     };
     answers.add("idle_level", value, origin(line.given.inverted.is_some()), evidence);
@@ -131,7 +134,9 @@ fn flags(line: &Line, answers: &mut Answers) {
         Some(_) => (Origin::Given, String::new()),
         None if flags.is_sure => (
             Origin::Found,
-            format!("one differs in the last characters of {cycles} of the first cycles, one between status and data telegrams"),
+            format!(
+                "one differs in the last characters of {cycles} of the first cycles, one between status and data telegrams"
+            ),
         ),
         None => (Origin::Default, String::from(SAME_BITS)),
     };
@@ -155,20 +160,28 @@ fn flags(line: &Line, answers: &mut Answers) {
         ),
     }
     let (value, origin, evidence) = match identifier.chosen {
-        None => (given.id_value, Origin::Given, String::from(
-            "cycles of one kind only: taken for data cycles",
-        )),
+        None => (
+            given.id_value,
+            Origin::Given,
+            String::from("cycles of one kind only: taken for data cycles"),
+        ),
         Some(chosen) => match chosen.reason {
             Reason::Given => (Some(chosen.id_value), Origin::Given, String::new()),
-            Reason::Lengths => (Some(chosen.id_value), Origin::Found, String::from(
-                "the lengths in the ID words add up to that of the other cycles",
-            )),
-            Reason::AfterReset(count) => (Some(chosen.id_value), Origin::Found, format!(
-                "the first cycle behind a reset, {count} x",
-            )),
-            Reason::Rarer => (None, Origin::Default, String::from(
-                "cycles of two kinds, and nothing tells which are ID cycles",
-            )),
+            Reason::Lengths => (
+                Some(chosen.id_value),
+                Origin::Found,
+                String::from("the lengths in the ID words add up to that of the other cycles"),
+            ),
+            Reason::AfterReset(count) => (
+                Some(chosen.id_value),
+                Origin::Found,
+                format!("the first cycle behind a reset, {count} x",),
+            ),
+            Reason::Rarer => (
+                None,
+                Origin::Default,
+                String::from("cycles of two kinds, and nothing tells which are ID cycles"),
+            ),
         },
     };
     answers.add("id_value", value.and_then(digit), origin, evidence);
@@ -179,8 +192,12 @@ fn loopback(identifier: &Identifier, answers: &mut Answers) {
     let (place, evidence) = match &identifier.place {
         Place::Found { offset, cycles, .. } => {
             let evidence = match identifier.wires {
-                2 => format!("it ends the one wire and stands here on the other, in {cycles} cycles of equal length"),
-                _ => format!("the one word that stays, or counts, in {cycles} cycles of equal length"),
+                2 => format!(
+                    "it ends the one wire and stands here on the other, in {cycles} cycles of equal length"
+                ),
+                _ => format!(
+                    "the one word that stays, or counts, in {cycles} cycles of equal length"
+                ),
             };
             (Some((8 * offset).to_string()), evidence)
         }
@@ -355,7 +372,11 @@ pub fn conclusions(line: &Line) -> Vec<Conclusion> {
             "lbw" => {
                 let mask = of("lbw_mask").and_then(|mask| mask.value.clone());
                 let bit = of("lbw_bit").and_then(|bit| bit.value.clone());
-                format!("{value} mask {} at bit {}", mask.unwrap_or_default(), bit.unwrap_or_default())
+                format!(
+                    "{value} mask {} at bit {}",
+                    mask.unwrap_or_default(),
+                    bit.unwrap_or_default()
+                )
             }
             _ => value,
         });
@@ -381,6 +402,10 @@ pub fn conclusions(line: &Line) -> Vec<Conclusion> {
         let start = of("crc.init").filter(|_| crc.is_some()).map(|it| it.evidence.as_str());
         let start = start.map(|start| format!("; {start}")).unwrap_or_default();
         tell("crc", crc, format!("{}{start}", setting.evidence));
+    }
+    if line.wires.len() < WIRES && line.found().next().is_some() {
+        let evidence = "two channels of one capture are read as DO and DI with --protocol interbus";
+        tell("wires", Some(String::from("one")), String::from(evidence));
     }
     if line.times.count > 0 {
         tell("cycle time", Some(cycle_time(line)), pace(line));

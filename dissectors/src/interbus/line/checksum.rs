@@ -146,8 +146,7 @@ impl Checksum {
         {
             let form = Form { polynomial: CCITT, refin, refout, is_low_first };
             let turn = |xorout: u16| swap_bits(xorout, is_turned);
-            let coverage =
-                if covers_loopback { Coverage::Everything } else { Coverage::Registers };
+            let coverage = if covers_loopback { Coverage::Everything } else { Coverage::Registers };
             let form = if is_turned { form.turned() } else { form };
             let wire_xor = turn(if is_low_first { xorout.swap_bytes() } else { xorout });
             checksum.locked.push(Locked {
@@ -213,7 +212,8 @@ impl Checksum {
             }
         }
         if is_good && bad.is_some() {
-            let is_kept = |locked: &Locked| locked.expected(frame).is_none_or(|it| it == frame.word);
+            let is_kept =
+                |locked: &Locked| locked.expected(frame).is_none_or(|it| it == frame.word);
             self.locked.retain(is_kept);
         }
         match bad {

@@ -73,12 +73,7 @@ impl Form {
     /// differs.
     #[must_use]
     pub const fn turned(self) -> Form {
-        Form {
-            refin: !self.refin,
-            refout: !self.refout,
-            is_low_first: !self.is_low_first,
-            ..self
-        }
+        Form { refin: !self.refin, refout: !self.refout, is_low_first: !self.is_low_first, ..self }
     }
 }
 
@@ -185,7 +180,7 @@ impl MinBy for (u16, u16) {}
 fn solve(rows: &mut [(u16, bool); 16]) -> Option<(u16, Option<u16>)> {
     let mut pivots = [None; 16];
     let mut used = 0;
-    for bit in 0..16 {
+    for (bit, solved) in pivots.iter_mut().enumerate() {
         let Some(pivot) = (used..16).find(|row| rows[*row].0 >> bit & 1 == 1) else { continue };
         rows.swap(used, pivot);
         let (mask, value) = rows[used];
@@ -194,7 +189,7 @@ fn solve(rows: &mut [(u16, bool); 16]) -> Option<(u16, Option<u16>)> {
                 *row = (row.0 ^ mask, row.1 != value);
             }
         }
-        pivots[bit] = Some(used);
+        *solved = Some(used);
         used += 1;
     }
     // What is left of the equations must be 0 = 0.
@@ -216,12 +211,7 @@ mod tests {
     use super::*;
 
     fn form(is_reflected: bool) -> Form {
-        Form {
-            polynomial: CCITT,
-            refin: is_reflected,
-            refout: is_reflected,
-            is_low_first: false,
-        }
+        Form { polynomial: CCITT, refin: is_reflected, refout: is_reflected, is_low_first: false }
     }
 
     fn checksum(named: &Named, bytes: &[u8]) -> u16 {
@@ -288,8 +278,7 @@ mod tests {
         for form in Form::all() {
             let word = form.word(form.divide(0x1234, bytes.into_iter()));
             let turned = form.turned();
-            let other =
-                turned.word(turned.divide(0x1234, bytes.into_iter().map(u8::reverse_bits)));
+            let other = turned.word(turned.divide(0x1234, bytes.into_iter().map(u8::reverse_bits)));
             assert_eq!(other.to_be_bytes(), word.to_be_bytes().map(u8::reverse_bits));
         }
     }

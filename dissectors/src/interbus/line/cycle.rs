@@ -1,9 +1,9 @@
 //! One cycle of a ring, as the line carried it.
 
+use super::super::row::Device;
 use super::checksum::Crc;
 use super::frames::RawFrame;
 use super::ring::{Direction, Ring};
-use super::super::row::Device;
 use crate::event::Moment;
 use alloc::sync::Arc;
 

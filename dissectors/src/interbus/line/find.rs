@@ -128,7 +128,8 @@ pub fn find(edges: &Edges, sampling: Sampling, given: Given) -> Option<Found> {
     for (bit, bitrate) in bits(edges, sampling, given) {
         for is_inverted in polarities.iter().copied() {
             for place in (0..StatusFlag::ALL.len()).filter(|place| given.status >> place & 1 == 1) {
-                let shape = Shape { bit, is_inverted, status: 1 << place, stop_bits: given.stop_bits };
+                let shape =
+                    Shape { bit, is_inverted, status: 1 << place, stop_bits: given.stop_bits };
                 let found = attempt(edges, shape, bitrate, given);
                 if best.as_ref().is_none_or(|best| found.rank() > best.rank()) {
                     best = Some(found);
@@ -158,6 +159,7 @@ fn attempt(edges: &Edges, shape: Shape, bitrate: u32, given: Given) -> Found {
     let mut count = Count::new(shape, given);
     let mut receiver = Receiver::new(shape);
     let mut level = edges.level;
+    // The last run may be cut, and is not counted.
     for ticks in edges.ticks.chunks(CHUNK) {
         let until = ticks.last().map_or(edges.until, |last| last + 1);
         let levels = Levels { edges: ticks, level, from: edges.from, until };
@@ -167,7 +169,6 @@ fn attempt(edges: &Edges, shape: Shape, bitrate: u32, given: Given) -> Found {
             break;
         }
     }
-    count.end_run();
     let mut found = Found {
         bitrate,
         shape,
@@ -294,13 +295,13 @@ impl Count {
         self.blocks.iter_mut().for_each(|block| block.close(self.check_length));
     }
 
-    /// The flag that tells the check phase: 19 in 20 of its blocks are one.
+    /// The flag that tells the check phase: nearly all of its blocks are one.
     fn check(&self, given: Option<Check>) -> Option<(Check, u32)> {
         let all = self.blocks.iter().enumerate().map(|(place, block)| {
             (Check { place: (place / 2) as u8, value: place % 2 == 1 }, block)
         });
         let is_it = |(check, block): &(Check, &Block)| {
-            let is_plain = block.good >= ENOUGH_CYCLES && block.wrong * 20 <= block.good;
+            let is_plain = block.good >= ENOUGH_CYCLES && block.wrong * 10 <= block.good;
             is_plain && given.is_none_or(|given| given == *check)
         };
         all.filter(is_it).max_by_key(|(_, block)| block.good).map(|(check, it)| (check, it.good))

@@ -77,10 +77,7 @@ impl Identifier {
             }
             _ => return,
         }
-        let back = if self.returning() == 0 { first } else { second };
-        if let Some(back) = back {
-            self.selects.hear(flags, back.registers());
-        }
+        self.selects.hear(flags, [first, second].map(|frame| frame.map(Frame::registers)));
         self.unlooked += 1;
         if self.unlooked >= AGAIN && !self.is_place_known() {
             self.conclude();
@@ -124,7 +121,9 @@ impl Identifier {
     /// Which flag tells ID cycles, and how.
     fn choose(&mut self) {
         let place = match self.given.flag_order {
-            Some(order) => (0..3).zip(order).find(|(_, flag)| *flag == Flag::Select).map(|(p, _)| p),
+            Some(order) => {
+                (0..3).zip(order).find(|(_, flag)| *flag == Flag::Select).map(|(p, _)| p)
+            }
             None => self.selects.place(self.places),
         };
         let Some(place) = place else { return };
@@ -136,7 +135,8 @@ impl Identifier {
         let fits = |ids: &[u8], data: &[u8]| {
             orders.iter().any(|is_turned| self.is_ring_of(ids, data, *is_turned))
         };
-        self.chosen = Some(self.selects.choose(place, self.given.id_value, fits));
+        self.chosen =
+            Some(self.selects.choose((place, self.returning()), self.given.id_value, fits));
     }
 
     /// Whether these are ID words of a ring whose registers are those of a data cycle. Both end
@@ -168,7 +168,7 @@ impl Identifier {
         let counting =
             search.and_then(|search| search.direction(self.watched_offset(offset, search)));
         let by_ids = self.chosen.and_then(|chosen| {
-            let last = |value| self.selects.last(chosen.place, value);
+            let last = |value| self.selects.last(chosen.place, value, self.returning());
             let (ids, data) = (last(chosen.id_value), last(!chosen.id_value));
             match [false, true].map(|is_turned| self.is_ring_of(ids, data, is_turned)) {
                 [true, false] => Some(false),
@@ -184,11 +184,9 @@ impl Identifier {
                 Origin::Found,
                 "the lengths in the ID words add up to that of data cycles in this order only",
             ),
-            (None, Some(is_turned)) => (
-                order(is_turned),
-                Origin::Found,
-                "the loopback word counts in this order only",
-            ),
+            (None, Some(is_turned)) => {
+                (order(is_turned), Origin::Found, "the loopback word counts in this order only")
+            }
             (None, None) => return,
         };
     }
@@ -272,7 +270,8 @@ impl Identifier {
         let Some(chosen) = self.chosen.filter(|it| it.reason != Reason::Rarer) else { return };
         if self.ring.is_none()
             && self.order.1 != Origin::Default
-            && let Some(words) = self.before_loopback(self.selects.last(chosen.place, chosen.id_value))
+            && let back = self.selects.last(chosen.place, chosen.id_value, self.returning())
+            && let Some(words) = self.before_loopback(back)
         {
             self.set_ring(Ring::of_identification(words, self.is_turned()));
         }

@@ -64,7 +64,10 @@ impl Course {
         for (turned, [before, now]) in
             [[before, now], [before, now].map(u8::reverse_bits)].into_iter().enumerate()
         {
-            let counts = |shift: u8| now == before & !(0xF << shift) | (before >> shift & 0xF).wrapping_add(1) % 16 << shift;
+            let counts = |shift: u8| {
+                let next = (before >> shift).wrapping_add(1) & 0xF;
+                now == before & !(0xF << shift) | next << shift
+            };
             self.counts[2 * turned] += u32::from(counts(0));
             self.counts[2 * turned + 1] += u32::from(counts(4));
         }
@@ -154,9 +157,8 @@ impl Search {
             let fit = |(_, misses): &(usize, &u32)| **misses * 20 <= self.cycles;
             misses.iter().enumerate().filter(fit).map(|(place, _)| place).collect()
         };
-        let nearly = |misses: &Vec<u32>| {
-            misses.iter().filter(|misses| **misses * 5 <= self.cycles).count()
-        };
+        let nearly =
+            |misses: &Vec<u32>| misses.iter().filter(|misses| **misses * 5 <= self.cycles).count();
         let cycles = self.cycles;
         for (way, returning) in [(0, 1), (1, 0)] {
             let places = fits(&self.misses[way]);
@@ -252,8 +254,7 @@ impl Searches {
 
     /// Takes a cycle with these flags: ID cycles may be as long as data cycles.
     pub fn hear(&mut self, flags: u8, first: &[u8], second: Option<&[u8]>) {
-        let is_it =
-            |search: &Search| search.length() == first.len() && search.flags == flags;
+        let is_it = |search: &Search| search.length() == first.len() && search.flags == flags;
         let index = match self.all.iter().position(is_it) {
             Some(index) => index,
             None if self.all.len() < Self::LENGTHS => {

@@ -148,8 +148,7 @@ mod tests {
     /// With a hidden start value 5A5A and final XOR 0F0F, "1021 reflected" alone fits.
     #[test]
     fn the_one_form_fits_and_no_control_does() {
-        let reflected =
-            Form { polynomial: CCITT, refin: true, refout: true, is_low_first: false };
+        let reflected = Form { polynomial: CCITT, refin: true, refout: true, is_low_first: false };
         let mut pairs = Pairs::default();
         for seed in 0..6 {
             let bytes = payload(seed, 10);

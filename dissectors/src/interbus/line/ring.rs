@@ -78,7 +78,8 @@ impl Ring {
     #[must_use]
     pub fn fits(&self, bytes: usize) -> bool {
         self.bits().div_ceil(8) == bytes
-            || self.widths.iter().map(|width| usize::from(width.div_ceil(8))).sum::<usize>() == bytes
+            || self.widths.iter().map(|width| usize::from(width.div_ceil(8))).sum::<usize>()
+                == bytes
     }
 
     /// Bits of all registers.

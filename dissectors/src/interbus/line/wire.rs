@@ -69,9 +69,14 @@ pub struct Wire {
 #[derive(Debug)]
 enum Stage {
     Finding(Edges),
-    Receiving { receiver: Receiver, assembler: Assembler },
+    Receiving {
+        receiver: Receiver,
+        assembler: Assembler,
+    },
     /// It is not what it was said to be.
-    Deaf { until: u64 },
+    Deaf {
+        until: u64,
+    },
 }
 
 impl Wire {
