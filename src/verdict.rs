@@ -66,11 +66,18 @@ fn line_of(bus: &Bus) -> String {
 }
 
 fn line_of_words(bus: &Bus) -> String {
-    let LineCounts { rows, losses, .. } = bus.counts();
-    if rows == 0 {
-        return "silent: no rows".to_owned();
-    }
+    let LineCounts { rows, cycles, bad_cycles, losses, .. } = bus.counts();
     let losses = if losses > 0 { format!(", losses: {losses}") } else { String::new() };
+    if cycles > 0 {
+        let state = if bad_cycles * 100 > cycles { "bad" } else { "ok" };
+        let rate = bus.wire().baud().map_or("rate not known".to_owned(), bitrate);
+        let share = bad_cycles as f64 * 100.0 / cycles as f64;
+        let cycles = counted(cycles, "cycle");
+        return format!("{state}: {rate}, {cycles}, {bad_cycles} damaged ({share:.2} %){losses}");
+    }
+    if rows == 0 {
+        return "silent: no rows and no cycles".to_owned();
+    }
     format!("ok: {}{losses}", counted(rows, "row"))
 }
 

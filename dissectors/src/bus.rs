@@ -88,7 +88,6 @@ impl Sampling {
 /// A bus that is being decoded.
 pub struct Bus {
     line: Line,
-    wires: usize,
     decoder: Decoder,
     given: Wire,
 }
@@ -104,7 +103,7 @@ impl Bus {
         let doubt = facts.baud.zip(settings.line.baud).and_then(|(told, set)| told.doubt(set));
         let mut decoder = Decoder::new(info, settings, can_find_rate, facts.medium);
         doubt.into_iter().for_each(|finding| decoder.note(finding));
-        Bus { line, wires: 1, decoder, given }
+        Bus { line, decoder, given }
     }
 
     /// Name and clock.
@@ -155,12 +154,10 @@ impl Bus {
         self.line.settings()
     }
 
-    /// Another wire of the line is heard from now on. Returns its number, for
-    /// [`Bus::hear_wire`].
-    pub fn add_wire(&mut self) -> usize {
-        self.wires += 1;
-        self.line.add_wires(self.wires);
-        self.wires - 1
+    /// Another wire of the line is heard from now on, by this number in [`Bus::hear_wire`]. Wires
+    /// that had this number, or a higher one, have the next.
+    pub fn add_wire(&mut self, number: usize) {
+        self.line.add_wire(number);
     }
 
     /// When silence would mean something: an [`Event::Advance`] to later than this brings records.

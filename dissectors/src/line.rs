@@ -111,10 +111,10 @@ impl Line {
         }
     }
 
-    /// It has so many wires.
-    pub fn add_wires(&mut self, count: usize) {
+    /// It has another wire of this number.
+    pub fn add_wire(&mut self, number: usize) {
         if let Line::Words(line) = self {
-            line.add_wires(count);
+            line.add_wire(number);
         }
     }
 

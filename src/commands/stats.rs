@@ -11,6 +11,7 @@ use clap::{Args, ValueEnum};
 use dissectors::bus::Bus;
 use dissectors::finding::Span;
 use dissectors::record::{Record, Sink};
+use dissectors::setting::Setting;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
@@ -272,6 +273,14 @@ fn bus_json(bus: &Bus) -> Value {
             "evidence": conclusion.evidence,
         })).collect::<Vec<_>>(),
     });
+    if counts.cycles > 0 {
+        object["cycles"] = counts.cycles.into();
+        object["damaged_cycles"] = counts.bad_cycles.into();
+    }
+    let settings = bus.settings();
+    if let Some(protocol) = bus.protocol().filter(|_| !settings.is_empty()) {
+        object[protocol.name] = json!({ "profile": profile_json(settings) });
+    }
     if counts.frames > 0 {
         let load = bus.load();
         let share = |permille: Option<u16>| permille.map(|load| f64::from(load) / 1_000.0);
@@ -282,6 +291,16 @@ fn bus_json(bus: &Bus) -> Value {
         object["peak_load"] = share(load.and_then(|load| load.peak())).into();
     }
     object
+}
+
+/// The answers to what the protocol leaves open about its line: dots in keys separate objects.
+fn profile_json(settings: Vec<Setting>) -> Value {
+    let mut profile = json!({});
+    for Setting { key, value, origin, evidence } in settings {
+        let place = key.split('.').fold(&mut profile, |object, part| &mut object[part]);
+        *place = json!({ "value": value, "origin": origin.name(), "evidence": evidence });
+    }
+    profile
 }
 
 fn station_json(station: &StationTally) -> Value {

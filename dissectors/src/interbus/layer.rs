@@ -104,7 +104,7 @@ fields! {
         "interbus.cycle_time_ns" (Kind::Int(0, i64::MAX), "ns", Plain) "from the start of the cycle before to its start"
             => |t| t.cycle.and_then(|cycle| cycle.cycle_time).map(u64::cast_signed).into();
         "interbus.crc" (Kind::OneOf(&CRCS), "", Plain) "whether the checksums of a cycle fit: unverified until it is known how they are made"
-            => |t| t.cycle.map(|cycle| crc_name(cycle)).into();
+            => |t| t.cycle.map(crc_name).into();
         "interbus.words" (Kind::Rows(&WORDS), "", Plain) "process data of a cycle, by device where the ring is known"
             => |t| t.cycle.filter(|it| it.select == Select::Data).map_or(Value::Absent, |cycle| Value::Rows(cycle));
         "interbus.ids" (Kind::List(&Kind::Hex), "", Plain) "ID words of a cycle, the first device first"

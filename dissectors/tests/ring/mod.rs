@@ -78,6 +78,29 @@ pub struct Plan {
     pub jitter: f64,
     pub id_cycles: usize,
     pub is_standing: bool,
+    /// Devices between the master and the tap.
+    pub upstream: usize,
+}
+
+/// What goes wrong, and in which cycle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Fault {
+    /// A bit of the data on a wire is another.
+    Bit(usize),
+    /// The stop bit of a character is none.
+    Stop,
+    /// A wire stops in the middle.
+    Cut(usize),
+    /// The wire that comes back carries nothing.
+    Missing,
+    /// The control word is another.
+    Control,
+    /// The loopback word comes back as another.
+    Loopback,
+    /// Silence before it, in bits.
+    Silence(f64),
+    /// From here on the last device is gone.
+    Shorter,
 }
 
 impl Plan {
@@ -111,6 +134,7 @@ impl Plan {
             jitter: 0.0,
             id_cycles: 4,
             is_standing: false,
+            upstream: 0,
         }
     }
 
@@ -149,6 +173,7 @@ impl Plan {
             jitter: chance.pick(&[0.0, 0.05]),
             id_cycles: 3 + chance.below(6) as usize,
             is_standing: false,
+            upstream: 0,
         }
     }
 
@@ -171,7 +196,7 @@ impl Plan {
             ("check_value", digit(self.check_value)),
             ("id_value", digit(self.id_value)),
             ("data_bit_order", if self.is_lsb { "lsb" } else { "msb" }.to_owned()),
-            ("lbw_bit", "0".to_owned()),
+            ("lbw_bit", self.upstream_bits().to_string()),
             ("lbw", format!("{:04X}", if self.counts { self.lbw & 0xFFF0 } else { self.lbw })),
             ("ring", ring.join(" ")),
             ("crc.poly", "1021".to_owned()),
@@ -180,6 +205,10 @@ impl Plan {
             ("crc.byte_order", if self.is_low_first { "lo-hi" } else { "hi-lo" }.to_owned()),
             ("crc.covers_lbw", self.covers_lbw.to_string()),
         ]
+    }
+
+    fn upstream_bits(&self) -> usize {
+        self.devices[..self.upstream].iter().map(|device| device.bits).sum()
     }
 
     fn checksum(&self, bytes: impl Iterator<Item = u8>) -> u16 {
@@ -212,12 +241,40 @@ impl Plan {
 
     /// The two wires with so many data cycles behind some ID cycles.
     pub fn record(&self, cycles: usize, chance: &mut Chance) -> Recording {
+        self.record_with(cycles, &[], chance).0
+    }
+
+    /// The same with faults; and what device 2, or the only one, sent and received, by data cycle.
+    pub fn record_with(
+        &self,
+        cycles: usize,
+        faults: &[(usize, Fault)],
+        chance: &mut Chance,
+    ) -> (Recording, Vec<String>) {
+        let mut told = Vec::new();
+        let mut plan = self.clone();
         let mut tape = Tape::new(self);
         tape.idle(60 + chance.below(40) as usize, true, chance);
         let mut words: Vec<(u32, u32)> =
             self.devices.iter().map(|_| (chance.next() as u32, chance.next() as u32)).collect();
         for number in 0..self.id_cycles + cycles {
-            let is_id = number < self.id_cycles;
+            let is_now = |fault: Fault| faults.contains(&(number, fault));
+            let resets = faults.iter().filter_map(|(at, fault)| match fault {
+                Fault::Silence(bits) => Some((*at, *bits)),
+                _ => None,
+            });
+            let mut is_id = number < self.id_cycles;
+            for (at, bits) in resets {
+                if at == number {
+                    tape.silence(bits);
+                    tape.idle(40, true, chance);
+                }
+                is_id |= (at..at + 4).contains(&number);
+            }
+            if is_now(Fault::Shorter) {
+                plan.devices.pop();
+                words.pop();
+            }
             let count = if self.counts { number as u16 % 16 } else { 0 };
             let lbw = if self.counts { self.lbw & 0xFFF0 | count } else { self.lbw };
             for (out, input) in &mut words {
@@ -229,24 +286,57 @@ impl Plan {
                 }
             }
             let (mut out, mut input) = (Vec::new(), Vec::new());
-            for (device, words) in self.devices.iter().zip(&words).rev() {
+            let mut passed = Vec::new();
+            let mut own = [String::new(), String::new()];
+            for (index, (device, words)) in plan.devices.iter().zip(&words).enumerate().rev() {
+                let is_upstream = index < self.upstream;
                 if is_id {
                     input.extend(device.id.to_be_bytes());
-                    out.extend([0, 0]);
+                    match is_upstream {
+                        true => passed.extend(device.id.to_be_bytes()),
+                        false => out.extend([0, 0]),
+                    }
                 } else {
                     let fill = |word: u32| {
                         let bytes = word.to_be_bytes();
                         (0..device.bits / 8).map(move |n| bytes[(n + 4 - device.bits / 8 % 4) % 4])
                     };
                     input.extend(fill(words.1));
-                    out.extend(fill(words.0));
+                    match is_upstream {
+                        true => passed.extend(fill(words.1)),
+                        false => out.extend(fill(words.0)),
+                    }
+                    if index == 1.min(plan.devices.len() - 1) {
+                        let hex = |word| fill(word).map(|byte| format!("{byte:02X}")).collect();
+                        own = [hex(words.0), hex(words.1)];
+                    }
                 }
             }
-            let frames = [self.frame(&[], lbw, &out), self.frame(&input, lbw, &[])];
+            if !is_id {
+                told.push(own.join(" "));
+            }
+            let mut plan = plan.clone();
+            if is_now(Fault::Control) {
+                plan.control ^= 0x0040;
+            }
+            let back = if is_now(Fault::Loopback) { lbw ^ 0x0100 } else { lbw };
+            let mut frames = [plan.frame(&passed, lbw, &out), plan.frame(&input, back, &[])];
+            for (wire, frame) in frames.iter_mut().enumerate() {
+                if is_now(Fault::Bit(wire)) {
+                    frame[3] ^= 0x10;
+                }
+                if is_now(Fault::Cut(wire)) {
+                    frame.truncate(5);
+                }
+            }
+            if is_now(Fault::Missing) {
+                frames[1].clear();
+            }
+            tape.has_bad_stop = is_now(Fault::Stop);
             tape.cycle(&frames, is_id, chance);
             tape.idle(20 + chance.below(20) as usize, is_id, chance);
         }
-        tape.recording()
+        (tape.recording(), told)
     }
 }
 
@@ -264,11 +354,19 @@ pub struct Tape<'a> {
     /// Changes of level, in bits.
     changes: [Vec<f64>; 2],
     level: [bool; 2],
+    /// The next character's stop bit is none.
+    has_bad_stop: bool,
 }
 
 impl<'a> Tape<'a> {
     pub fn new(plan: &'a Plan) -> Self {
-        Tape { plan, now: [10.0, 10.4], changes: Default::default(), level: [true; 2] }
+        Tape {
+            plan,
+            now: [10.0, 10.4],
+            changes: Default::default(),
+            level: [true; 2],
+            has_bad_stop: false,
+        }
     }
 
     fn bit(&mut self, wire: usize, level: bool, chance: &mut Chance) {
@@ -286,6 +384,9 @@ impl<'a> Tape<'a> {
         if let Some(byte) = data {
             let byte = if self.plan.is_lsb { byte.reverse_bits() } else { byte };
             (0..8).rev().for_each(|bit| self.bit(wire, byte >> bit & 1 == 1, chance));
+        }
+        if std::mem::take(&mut self.has_bad_stop) {
+            self.bit(wire, false, chance);
         }
         self.bit(wire, true, chance);
         self.now[wire] += self.plan.pause * chance.below(1001) as f64 / 1000.0;
@@ -315,8 +416,10 @@ impl<'a> Tape<'a> {
 
     pub fn cycle(&mut self, frames: &[Vec<u8>; 2], is_id: bool, chance: &mut Chance) {
         for (wire, frame) in frames.iter().enumerate() {
+            // Cut frames have no check phase.
+            let whole = frames[0].len().max(frames[1].len());
             for (index, byte) in frame.iter().enumerate() {
-                let flags = self.flags(is_id, index + 4 >= frame.len(), false);
+                let flags = self.flags(is_id, index + 4 >= whole, false);
                 self.character(wire, flags, Some(*byte), chance);
             }
         }
@@ -407,9 +510,7 @@ pub fn hear_wires(
     let sampling = Sampling { ticks_per_second, uncertainty: 1, origin: Moment::from_ns(0) };
     let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
     let mut bus = Bus::new(BusInfo::new("DO", Some(Clock::Sample)), facts, settings);
-    (1..wires.len()).for_each(|_| {
-        bus.add_wire();
-    });
+    (1..wires.len()).for_each(|wire| bus.add_wire(wire));
     let (mut heard, mut last) = (Heard::default(), 0);
     let mut from = 0;
     while from < recording.until {

@@ -2,6 +2,7 @@
 
 use super::checksum::Account;
 use super::crc::CCITT;
+use super::cycle::WIRES;
 use super::identify::Identifier;
 use super::loopback::{MOST_TOLD, Place};
 use super::profile::Flag;
@@ -121,7 +122,9 @@ fn flags(line: &Line, answers: &mut Answers) {
     let identifier = &line.identifier;
     let given = &identifier.given;
     if line.found().next().is_none() {
-        answers.add("flag_order", None, Origin::Default, "no telegrams were found");
+        for key in ["flag_order", "status_value", "check_value", "id_value"] {
+            answers.add(key, None, Origin::Default, "no telegrams were found");
+        }
         return;
     }
     let flags = flags_of(line);
@@ -215,7 +218,12 @@ fn loopback(identifier: &Identifier, answers: &mut Answers) {
     };
     let is_known = place.is_some();
     let value = identifier.loopback.filter(|_| is_known || given.is_some());
-    let origin = if given.is_some() { Origin::Given } else { Origin::Found };
+    let origin = match identifier.order.1 {
+        _ if given.is_some() => Origin::Given,
+        // Read from the other end it is another word.
+        Origin::Default => Origin::Default,
+        _ => Origin::Found,
+    };
     let hex = |word: u16| format!("{word:04X}");
     answers.add("lbw", value.map(|it| hex(it.value)), origin, evidence.clone());
     answers.add("lbw_mask", value.map(|it| hex(it.mask)), origin, "the bits that stay");
@@ -239,10 +247,11 @@ fn checksum(identifier: &Identifier, answers: &mut Answers) {
     let form = account.form;
     let truth = |value: bool| Some(value.to_string());
     let order = if form.is_low_first { "lo-hi" } else { "hi-lo" };
-    let is_sure = account.is_form_sure;
     let evidence = &account.evidence;
     let poly = Some(format!("{:04X}", form.polynomial));
-    answers.add("crc.poly", poly, origin(false, is_sure), evidence.clone());
+    answers.add("crc.poly", poly, origin(false, true), evidence.clone());
+    // With bytes read from the other end, another form gives the same bits.
+    let is_sure = account.is_form_sure && identifier.order.1 != Origin::Default;
     let refin = origin(given.refin.is_some(), is_sure);
     answers.add("crc.refin", truth(form.refin), refin, evidence.clone());
     let refout = origin(given.refout.is_some(), is_sure);
@@ -393,6 +402,10 @@ pub fn conclusions(line: &Line) -> Vec<Conclusion> {
         let start = of("crc.init").filter(|_| crc.is_some()).map(|it| it.evidence.as_str());
         let start = start.map(|start| format!("; {start}")).unwrap_or_default();
         tell("crc", crc, format!("{}{start}", setting.evidence));
+    }
+    if line.wires.len() < WIRES && line.found().next().is_some() {
+        let evidence = "two channels of one capture are read as DO and DI with --protocol interbus";
+        tell("wires", Some(String::from("one")), String::from(evidence));
     }
     if line.times.count > 0 {
         tell("cycle time", Some(cycle_time(line)), pace(line));

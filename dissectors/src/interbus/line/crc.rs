@@ -180,7 +180,7 @@ impl MinBy for (u16, u16) {}
 fn solve(rows: &mut [(u16, bool); 16]) -> Option<(u16, Option<u16>)> {
     let mut pivots = [None; 16];
     let mut used = 0;
-    for bit in 0..16 {
+    for (bit, solved) in pivots.iter_mut().enumerate() {
         let Some(pivot) = (used..16).find(|row| rows[*row].0 >> bit & 1 == 1) else { continue };
         rows.swap(used, pivot);
         let (mask, value) = rows[used];
@@ -189,7 +189,7 @@ fn solve(rows: &mut [(u16, bool); 16]) -> Option<(u16, Option<u16>)> {
                 *row = (row.0 ^ mask, row.1 != value);
             }
         }
-        pivots[bit] = Some(used);
+        *solved = Some(used);
         used += 1;
     }
     // What is left of the equations must be 0 = 0.

@@ -87,6 +87,11 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// Whether it is whole, and sure to have been read as it was sent.
+    pub(super) fn is_sound(&self) -> bool {
+        self.raw.is_whole && self.raw.bad == 0 && !self.raw.is_doubtful
+    }
+
     /// Everything, in the order it was sent.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
@@ -148,10 +153,10 @@ impl Cycle {
         self.wires.iter().flatten()
     }
 
-    /// Whether stop bits or its end are missing.
+    /// Whether stop bits or its end are missing, or may be.
     #[must_use]
     pub fn is_damaged(&self) -> bool {
-        self.frames().any(|frame| frame.raw.bad > 0 || !frame.raw.is_whole)
+        self.frames().any(|frame| !frame.is_sound())
     }
 
     /// The process data of a device, in a data cycle of a ring that is known.

@@ -7,6 +7,7 @@
 use super::receiver::{Flags, Receiver, Shape, StatusFlag, Telegram, bit};
 use crate::bus::Sampling;
 use crate::edges::{Edges, shortest_pulses};
+use crate::event::Levels;
 use alloc::{format, string::String, vec::Vec};
 
 /// The rates there are (Beckhoff, Schneider): 2 Mbit/s with some devices.
@@ -17,6 +18,9 @@ const FEWEST_SAMPLES: f64 = 1.9;
 
 /// How far a rate may be off one of the usual ones to be taken for it, in percent.
 const SNAP: f64 = 3.0;
+
+/// Edges after which it is asked whether a setting is worth going on with.
+const CHUNK: usize = 512;
 
 /// So long after a character, in bits, the next belongs to another cycle.
 pub const PAUSE: u64 = 40;
@@ -154,8 +158,17 @@ fn bits(edges: &Edges, sampling: Sampling, given: Given) -> Vec<(f64, u32)> {
 fn attempt(edges: &Edges, shape: Shape, bitrate: u32, given: Given) -> Found {
     let mut count = Count::new(shape, given);
     let mut receiver = Receiver::new(shape);
-    receiver.hear(&edges.levels(), &mut |telegram| count.take(telegram));
-    count.end_run();
+    let mut level = edges.level;
+    // The last run may be cut, and is not counted.
+    for ticks in edges.ticks.chunks(CHUNK) {
+        let until = ticks.last().map_or(edges.until, |last| last + 1);
+        let levels = Levels { edges: ticks, level, from: edges.from, until };
+        receiver.hear(&levels, &mut |telegram| count.take(telegram));
+        level ^= ticks.len() % 2 == 1;
+        if count.is_hopeless() {
+            break;
+        }
+    }
     let mut found = Found {
         bitrate,
         shape,
@@ -272,18 +285,23 @@ impl Count {
         self.run = self.run.saturating_add(1);
     }
 
+    /// One in five characters has no stop bit.
+    fn is_hopeless(&self) -> bool {
+        self.bad > 40 && self.bad * 4 > self.status + self.data
+    }
+
     fn end_run(&mut self) {
         self.run = 0;
         self.blocks.iter_mut().for_each(|block| block.close(self.check_length));
     }
 
-    /// The flag that tells the check phase: 19 in 20 of its blocks are one.
+    /// The flag that tells the check phase: nearly all of its blocks are one.
     fn check(&self, given: Option<Check>) -> Option<(Check, u32)> {
         let all = self.blocks.iter().enumerate().map(|(place, block)| {
             (Check { place: (place / 2) as u8, value: place % 2 == 1 }, block)
         });
         let is_it = |(check, block): &(Check, &Block)| {
-            let is_plain = block.good >= ENOUGH_CYCLES && block.wrong * 20 <= block.good;
+            let is_plain = block.good >= ENOUGH_CYCLES && block.wrong * 10 <= block.good;
             is_plain && given.is_none_or(|given| given == *check)
         };
         all.filter(is_it).max_by_key(|(_, block)| block.good).map(|(check, it)| (check, it.good))

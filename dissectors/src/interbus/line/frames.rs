@@ -11,6 +11,9 @@ pub const MAX_BYTES: usize = 512 + 8;
 /// Bits of a data telegram.
 pub const TELEGRAM: u64 = 13;
 
+/// So many characters a doubt lasts: one that was misread may end in the next ones.
+const DOUBT: u16 = 16;
+
 /// Frames that are not used are kept, so that their memory is used again: so many.
 const SPARE: usize = 8;
 
@@ -27,6 +30,8 @@ pub struct RawFrame {
     pub bytes: Vec<u8>,
     /// Characters without their stop bit.
     pub bad: u16,
+    /// What told its characters from status telegrams was no more than likely.
+    pub is_doubtful: bool,
     /// It has everything from its first character to its check phase.
     pub is_whole: bool,
 }
@@ -40,6 +45,8 @@ pub struct Assembler {
     check_length: u16,
     current: Option<RawFrame>,
     checked: u16,
+    /// Characters since such a doubt.
+    since_doubt: u16,
     /// A status telegram was heard: what comes next begins a frame.
     is_synchronized: bool,
     spare: Vec<RawFrame>,
@@ -55,6 +62,7 @@ impl Assembler {
             check_length,
             current: None,
             checked: 0,
+            since_doubt: u16::MAX,
             is_synchronized: false,
             spare: Vec::new(),
         }
@@ -75,6 +83,10 @@ impl Assembler {
 
     /// Takes a telegram.
     pub fn take(&mut self, telegram: Telegram, emit: &mut impl FnMut(RawFrame)) {
+        self.since_doubt = match telegram.is_doubtful {
+            true => 0,
+            false => self.since_doubt.saturating_add(1),
+        };
         let Some(byte) = telegram.data else {
             if telegram.is_good {
                 self.finish(emit);
@@ -95,11 +107,12 @@ impl Assembler {
                 let mut frame = self.spare.pop().unwrap_or_default();
                 frame.bytes.clear();
                 (frame.start, frame.flags) = (telegram.start, telegram.flags);
-                (frame.bad, frame.is_whole) = (0, false);
+                (frame.bad, frame.is_whole, frame.is_doubtful) = (0, false, false);
                 current.insert(frame)
             }
         };
         frame.end = end;
+        frame.is_doubtful |= self.since_doubt < DOUBT;
         frame.bad += u16::from(!telegram.is_good);
         frame.bytes.push(byte);
         self.checked += u16::from(is_check);

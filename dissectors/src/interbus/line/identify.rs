@@ -65,20 +65,19 @@ impl Identifier {
 
     /// Takes a cycle before anything is made of it.
     pub fn hear(&mut self, flags: Flags, wires: &[Option<Frame>; 2]) {
-        let is_good = |frame: &&Frame| frame.raw.is_whole && frame.raw.bad == 0;
+        let is_good = |frame: &&Frame| frame.is_sound();
         let [first, second] = [0, 1].map(|wire| wires[wire].as_ref().filter(is_good));
         self.wires = self.wires.max(if wires[1].is_some() { 2 } else { 1 });
         match (first, second) {
             (Some(first), Some(second)) => {
-                self.searches.hear(first.registers(), Some(second.registers()));
+                self.searches.hear(flags, first.registers(), Some(second.registers()));
             }
-            (Some(only), None) if self.wires == 1 => self.searches.hear(only.registers(), None),
+            (Some(only), None) if self.wires == 1 => {
+                self.searches.hear(flags, only.registers(), None);
+            }
             _ => return,
         }
-        let back = if self.returning() == 0 { first } else { second };
-        if let Some(back) = back {
-            self.selects.hear(flags, back.registers());
-        }
+        self.selects.hear(flags, [first, second].map(|frame| frame.map(Frame::registers)));
         self.unlooked += 1;
         if self.unlooked >= AGAIN && !self.is_place_known() {
             self.conclude();
@@ -136,7 +135,8 @@ impl Identifier {
         let fits = |ids: &[u8], data: &[u8]| {
             orders.iter().any(|is_turned| self.is_ring_of(ids, data, *is_turned))
         };
-        self.chosen = Some(self.selects.choose(place, self.given.id_value, fits));
+        self.chosen =
+            Some(self.selects.choose((place, self.returning()), self.given.id_value, fits));
     }
 
     /// Whether these are ID words of a ring whose registers are those of a data cycle. Both end
@@ -168,7 +168,7 @@ impl Identifier {
         let counting =
             search.and_then(|search| search.direction(self.watched_offset(offset, search)));
         let by_ids = self.chosen.and_then(|chosen| {
-            let last = |value| self.selects.last(chosen.place, value);
+            let last = |value| self.selects.last(chosen.place, value, self.returning());
             let (ids, data) = (last(chosen.id_value), last(!chosen.id_value));
             match [false, true].map(|is_turned| self.is_ring_of(ids, data, is_turned)) {
                 [true, false] => Some(false),
@@ -205,8 +205,9 @@ impl Identifier {
         }
     }
 
-    /// Where the loopback word stands on a wire, in a cycle with so many bytes before the checksum.
-    pub fn loopback_at(&self, wire: usize, length: usize) -> Option<usize> {
+    /// Where the loopback word stands on a wire, in such a cycle with so many bytes before the
+    /// checksum.
+    fn loopback_at(&self, wire: usize, length: usize, select: Select) -> Option<usize> {
         let Place::Found { offset, returning, .. } = self.place else { return None };
         let usual = self.searches.most().map_or(0, Search::length);
         let end = length.checked_sub(2)?;
@@ -214,22 +215,27 @@ impl Identifier {
             () if self.wires == 2 && wire == returning => Some(end),
             () if offset == 0 => Some(0),
             () if self.wires == 1 && offset + 2 == usual => Some(end),
+            // The registers upstream are ID registers.
+            () if select == Select::Identification => {
+                self.ring.as_deref()?.upstream(offset).map(|devices| 2 * devices)
+            }
             () if length == usual => Some(offset),
             () => None,
         }
     }
 
     /// Says where the loopback word stands.
-    pub fn place_loopback(&self, wires: &mut [Option<Frame>; 2]) {
+    pub fn place_loopback(&self, flags: Flags, wires: &mut [Option<Frame>; 2]) {
+        let select = self.select(flags);
         for (wire, frame) in wires.iter_mut().enumerate() {
             let Some(frame) = frame else { continue };
-            frame.loopback = self.loopback_at(wire, frame.registers().len());
+            frame.loopback = self.loopback_at(wire, frame.registers().len(), select);
         }
     }
 
     /// Takes a cycle's checksums.
     pub fn learn_checksum(&mut self, wires: &[Option<Frame>; 2]) {
-        for frame in wires.iter().flatten().filter(|frame| frame.raw.bad == 0) {
+        for frame in wires.iter().flatten().filter(|frame| frame.is_sound()) {
             if let Some(covered) = covered(frame) {
                 self.checksum.learn(covered);
             }
@@ -239,7 +245,8 @@ impl Identifier {
     /// Judges a cycle's checksums.
     pub fn judge(&mut self, wires: &mut [Option<Frame>; 2]) {
         for frame in wires.iter_mut().flatten() {
-            let crc = covered(frame).map(|covered| self.checksum.judge(covered));
+            let judged = covered(frame).filter(|_| !frame.raw.is_doubtful);
+            let crc = judged.map(|covered| self.checksum.judge(covered));
             frame.crc = crc.unwrap_or(Crc::Unverified);
         }
     }
@@ -254,14 +261,17 @@ impl Identifier {
         let Some(back) = back.map(Frame::registers) else { return };
         let Some(words) = self.before_loopback(back) else { return };
         // Bytes are in the order they are read by now.
-        self.set_ring(Ring::of_identification(words, false));
+        if self.order.1 != Origin::Default {
+            self.set_ring(Ring::of_identification(words, false));
+        }
     }
 
     fn learn_ring_of_last(&mut self) {
         let Some(chosen) = self.chosen.filter(|it| it.reason != Reason::Rarer) else { return };
         if self.ring.is_none()
-            && let Some(words) =
-                self.before_loopback(self.selects.last(chosen.place, chosen.id_value))
+            && self.order.1 != Origin::Default
+            && let back = self.selects.last(chosen.place, chosen.id_value, self.returning())
+            && let Some(words) = self.before_loopback(back)
         {
             self.set_ring(Ring::of_identification(words, self.is_turned()));
         }

@@ -6,7 +6,7 @@
 //! the other, and where it stands tells the place of the tap.
 
 use super::profile::Loopback;
-use alloc::{vec, vec::Vec};
+use alloc::vec::Vec;
 
 /// Cycles of equal length that it takes.
 pub const ENOUGH: u32 = 20;
@@ -32,9 +32,10 @@ pub enum Place {
     Ambiguous(Vec<usize>, u32),
 }
 
-/// Watches one group of cycles: those of equal length.
+/// Watches one group of cycles: those of equal length and flags.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
+    flags: u8,
     /// Bytes of loopback word and registers.
     length: usize,
     cycles: u32,
@@ -64,8 +65,8 @@ impl Course {
             [[before, now], [before, now].map(u8::reverse_bits)].into_iter().enumerate()
         {
             let counts = |shift: u8| {
-                now == before & !(0xF << shift)
-                    | (before >> shift & 0xF).wrapping_add(1) % 16 << shift
+                let next = (before >> shift).wrapping_add(1) & 0xF;
+                now == before & !(0xF << shift) | next << shift
             };
             self.counts[2 * turned] += u32::from(counts(0));
             self.counts[2 * turned + 1] += u32::from(counts(4));
@@ -113,6 +114,10 @@ impl Search {
         let is_fitting = |bytes: &[u8]| bytes.len() == self.length && self.length >= 2;
         if !is_fitting(first) || !second.is_none_or(is_fitting) {
             return;
+        }
+        if self.cycles > 0 && second.is_some() == self.misses[0].is_empty() {
+            // A wire came to the other, or is gone.
+            *self = Search { flags: self.flags, ..Search::new(self.length) };
         }
         self.cycles = self.cycles.saturating_add(1);
         if let Some(second) = second {
@@ -247,20 +252,20 @@ impl Searches {
     /// Lengths that are watched at once.
     const LENGTHS: usize = 4;
 
-    /// Takes a cycle.
-    pub fn hear(&mut self, first: &[u8], second: Option<&[u8]>) {
-        let is_it = |search: &Search| search.length() == first.len();
+    /// Takes a cycle with these flags: ID cycles may be as long as data cycles.
+    pub fn hear(&mut self, flags: u8, first: &[u8], second: Option<&[u8]>) {
+        let is_it = |search: &Search| search.length() == first.len() && search.flags == flags;
         let index = match self.all.iter().position(is_it) {
             Some(index) => index,
             None if self.all.len() < Self::LENGTHS => {
-                self.all.extend(vec![Search::new(first.len())]);
+                self.all.push(Search { flags, ..Search::new(first.len()) });
                 self.all.len() - 1
             }
             // The one that was seen least makes room.
             None => {
                 let least = (0..self.all.len()).min_by_key(|index| self.all[*index].cycles());
                 let index = least.unwrap_or(0);
-                self.all[index] = Search::new(first.len());
+                self.all[index] = Search { flags, ..Search::new(first.len()) };
                 index
             }
         };
@@ -277,6 +282,7 @@ impl Searches {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
 
     const RING: usize = 8;
 

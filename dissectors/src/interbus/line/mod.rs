@@ -36,7 +36,7 @@ use find::{Check, Found, Given};
 use identify::Identifier;
 use receiver::{Flags, StatusFlag};
 use trouble::Watch;
-use wire::{Item, Pace, Wire, hints, next_pair};
+use wire::{Item, Pace, Pair, Wire, hints, next_pair};
 
 /// Cycles that are held back at most until it is said what they are, and for how long, in s.
 const HELD: usize = 256;
@@ -119,6 +119,8 @@ enum Held {
 /// A cycle of which nothing was made yet.
 struct Raw {
     flags: Flags,
+    /// A wire that is missing carried nothing; it was heard.
+    is_alone: bool,
     wires: [Option<Frame>; 2],
 }
 
@@ -136,7 +138,7 @@ struct Times {
 impl Line {
     /// A line on which nothing was heard yet.
     pub fn new(sampling: Sampling, profile: Profile, inverted: Option<bool>) -> Self {
-        Line {
+        let mut line = Line {
             sampling,
             given: given(&profile, inverted),
             wires: Vec::new(),
@@ -147,7 +149,9 @@ impl Line {
             last_start: None,
             times: Times::default(),
             is_ending: false,
-        }
+        };
+        line.add_wire(0);
+        line
     }
 
     /// The rate, once it is known.
@@ -177,20 +181,25 @@ impl Line {
 
     /// Takes the next piece of a wire.
     pub fn hear(&mut self, wire: usize, levels: &Levels<'_>, listener: &mut impl Listener) {
-        self.add_wires(wire + 1);
+        // A second wire may appear behind the first of what is heard on this one.
+        if wire == 0 || self.wires.len() > 1 {
+            self.pass_on(listener);
+        }
         let Some(heard) = self.wires.get_mut(wire) else { return };
         let pace = heard.hear(levels, self.sampling.ticks_per_second);
         if pace != Pace::Fine {
             self.find_out(wire, pace);
         }
-        self.pass_on(listener);
+        if self.wires.len() > 1 {
+            self.pass_on(listener);
+        }
     }
 
-    /// It has so many wires: a second one is waited for.
-    pub fn add_wires(&mut self, count: usize) {
-        let silence = self.silence();
-        while self.wires.len() < count.min(cycle::WIRES) {
-            self.wires.push(Wire::new(silence));
+    /// It has another wire of this number: what comes on either is put together.
+    pub fn add_wire(&mut self, number: usize) {
+        if self.wires.len() < cycle::WIRES {
+            let number = number.min(self.wires.len());
+            self.wires.insert(number, Wire::new(self.silence()));
         }
     }
 
@@ -232,13 +241,17 @@ impl Line {
 
     /// Makes cycles of the frames that wait.
     fn pass_on(&mut self, listener: &mut impl Listener) {
-        while let Some(items) = next_pair(&mut self.wires, self.is_ending) {
+        while let Some(Pair { items, is_known }) = next_pair(&mut self.wires, self.is_ending) {
             let held = match items {
                 [Some(Item::Silence(start, deadline)), _] => Held::Silence(start, deadline),
                 // What is sent resets, not what comes back.
                 [None, Some(Item::Silence(..))] => continue,
-                [first, second] => Held::Cycle(self.raw([first, second])),
+                [first, second] => Held::Cycle(self.raw([first, second], is_known)),
             };
+            let is_late = |waiting: &Vec<Held>| self.is_time(waiting, held.start());
+            if self.held.as_ref().is_some_and(is_late) {
+                self.release(listener);
+            }
             match &held {
                 Held::Silence(..) => self.identifier.selects.reset(),
                 Held::Cycle(raw) => self.learn(raw),
@@ -248,29 +261,27 @@ impl Line {
                 None => self.tell(held, listener),
             }
         }
-        let is_time = |held: &Vec<Held>| {
-            let first = match held.first() {
-                Some(Held::Cycle(raw)) => raw.start(),
-                Some(Held::Silence(start, _)) => *start,
-                None => return false,
-            };
-            let now = self.wires.iter().map(Wire::known).min().unwrap_or(0);
-            let time = now.saturating_sub(first) / self.sampling.ticks_per_second.max(1);
-            held.len() >= HELD || time >= HELD_SECONDS
-        };
-        if self.held.as_ref().is_some_and(is_time) {
+        let now = self.wires.iter().map(Wire::known).min().unwrap_or(0);
+        if self.held.as_ref().is_some_and(|held| self.is_time(held, now)) {
             self.release(listener);
         }
     }
 
-    fn raw(&self, items: [Option<Item>; 2]) -> Raw {
+    /// Whether what is held is enough, or was held for long enough.
+    fn is_time(&self, held: &[Held], now: u64) -> bool {
+        let Some(first) = held.first() else { return false };
+        let time = now.saturating_sub(first.start()) / self.sampling.ticks_per_second.max(1);
+        held.len() >= HELD || time >= HELD_SECONDS
+    }
+
+    fn raw(&self, items: [Option<Item>; 2], is_alone: bool) -> Raw {
         let tail = usize::from(self.given.check_length);
         let wires = items.map(|item| match item {
             Some(Item::Frame(raw)) => Some(Frame { raw, tail, ..Frame::default() }),
             _ => None,
         });
         let flags = wires.iter().flatten().map(|frame| frame.raw.flags).next().unwrap_or(0);
-        Raw { flags, wires }
+        Raw { flags, wires, is_alone }
     }
 
     fn learn(&mut self, raw: &Raw) {
@@ -317,7 +328,7 @@ impl Line {
         let mut held = held;
         for item in &mut held {
             if let Held::Cycle(raw) = item {
-                self.identifier.place_loopback(&mut raw.wires);
+                self.identifier.place_loopback(raw.flags, &mut raw.wires);
                 self.identifier.learn_checksum(&raw.wires);
             }
         }
@@ -357,7 +368,7 @@ impl Line {
     /// Everything that is known of a cycle.
     fn cycle(&mut self, mut raw: Raw) -> Cycle {
         let identifier = &mut *self.identifier;
-        identifier.place_loopback(&mut raw.wires);
+        identifier.place_loopback(raw.flags, &mut raw.wires);
         identifier.learn_checksum(&raw.wires);
         identifier.judge(&mut raw.wires);
         let (start, end) = (raw.start(), raw.end());
@@ -381,7 +392,7 @@ impl Line {
             ring: None,
             trouble: None,
         };
-        let has_partner = self.identifier.wires == 2 && !self.is_ending;
+        let has_partner = self.identifier.wires == 2 && raw.is_alone;
         cycle.trouble = self.watch.judge(&cycle, has_partner);
         self.identifier.learn_ring(&cycle);
         if select == Select::Data {
@@ -398,6 +409,15 @@ impl Line {
         let rate = self.sampling.ticks_per_second.max(1);
         let ns = u128::from(ticks) * 1_000_000_000 / u128::from(rate);
         u64::try_from(ns).unwrap_or(u64::MAX)
+    }
+}
+
+impl Held {
+    fn start(&self) -> u64 {
+        match self {
+            Held::Cycle(raw) => raw.start(),
+            Held::Silence(start, _) => *start,
+        }
     }
 }
 

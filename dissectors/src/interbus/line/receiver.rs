@@ -16,6 +16,9 @@ const HEAD: u8 = 4;
 /// Bits of data.
 const DATA: u8 = 8;
 
+/// So many equal status telegrams in a row are what fills a pause.
+const ALIKE: u8 = 8;
+
 /// Fractions of a tick that are reckoned with.
 const TICK: i64 = 1 << 12;
 
@@ -87,6 +90,8 @@ pub struct Telegram {
     pub data: Option<u8>,
     /// The stop bit is one.
     pub is_good: bool,
+    /// Such flags are new, and whether it is a status telegram was no more than likely.
+    pub is_doubtful: bool,
 }
 
 /// What a character with some flags is.
@@ -122,6 +127,9 @@ pub struct Receiver {
     is_inverted: bool,
     status: u8,
     classes: [Class; 8],
+    /// The flags of the last status telegrams that may be data, and how many they are.
+    alike: (Flags, u8),
+    is_doubtful: bool,
     stop_bits: u8,
     /// The character at hand: its start edge.
     start: Option<u64>,
@@ -148,6 +156,8 @@ impl Receiver {
             is_inverted: shape.is_inverted,
             status: shape.status,
             classes: classes(shape.status),
+            alike: (0, 0),
+            is_doubtful: false,
             stop_bits: shape.stop_bits.clamp(1, 2),
             start: None,
             bits: 0,
@@ -218,7 +228,9 @@ impl Receiver {
             }
             match self.count {
                 HEAD => {
-                    let is_data = self.classes[usize::from(self.bits & 7)] == Class::Data;
+                    let class = self.classes[usize::from(self.bits & 7)];
+                    let is_data = class == Class::Data;
+                    self.is_doubtful = class == Class::Open;
                     self.due = HEAD + self.stop_bits + if is_data { DATA } else { 0 };
                 }
                 // What has no stop bit there, and may be data, is data.
@@ -240,11 +252,24 @@ impl Receiver {
     /// The character at hand is data.
     fn settle(&mut self) {
         self.due += DATA;
-        let head = (self.bits >> self.stop_bits & 7) as Flags;
-        self.classes[usize::from(head)] = Class::Data;
+        self.learn((self.bits >> self.stop_bits & 7) as Flags, Class::Data);
+    }
+
+    /// Many of the same in a row fill a pause.
+    fn count_alike(&mut self, flags: Flags) {
+        let (last, count) = self.alike;
+        self.alike = (flags, if last == flags { count.saturating_add(1) } else { 1 });
+        if self.alike.1 >= ALIKE {
+            self.learn(flags, Class::Status);
+        }
+    }
+
+    fn learn(&mut self, head: Flags, class: Class) {
+        self.classes[usize::from(head)] = class;
         let mut left = 0;
         for (place, flag) in StatusFlag::ALL.iter().enumerate() {
-            left |= u8::from(!flag.is_status(head)) << place;
+            let is_alike = flag.is_status(head) == (class == Class::Status);
+            left |= u8::from(is_alike) << place;
         }
         if self.status & left != 0 {
             self.status &= left;
@@ -259,7 +284,12 @@ impl Receiver {
         let is_data = self.count > HEAD + self.stop_bits;
         let data = is_data.then_some(bits as u8);
         let head = if is_data { bits >> DATA } else { bits };
-        emit(Telegram { start, flags: (head & 7) as Flags, data, is_good });
+        let (flags, is_doubtful) = ((head & 7) as Flags, self.is_doubtful);
+        match is_doubtful && is_good && !is_data {
+            true => self.count_alike(flags),
+            false => self.alike.1 = 0,
+        }
+        emit(Telegram { start, flags, data, is_good, is_doubtful });
         self.start = None;
     }
 }

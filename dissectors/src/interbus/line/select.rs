@@ -1,5 +1,6 @@
 //! ID cycles and data cycles: which flag tells them, and which of its values means which.
 
+use super::cycle::WIRES;
 use super::receiver::{Flags, bit};
 use alloc::vec::Vec;
 
@@ -9,8 +10,8 @@ struct Group {
     cycles: u32,
     /// Of these the first behind a reset of the ring.
     after_reset: u32,
-    /// Loopback word and registers of the last of them, on the wire that comes back.
-    last: Vec<u8>,
+    /// Loopback word and registers of the last of them, on each wire.
+    last: [Vec<u8>; WIRES],
 }
 
 /// Watches the flags of cycles.
@@ -50,13 +51,15 @@ impl Selects {
         self.is_reset = true;
     }
 
-    /// Takes a good cycle: its flags, and what came back.
-    pub fn hear(&mut self, flags: Flags, back: &[u8]) {
+    /// Takes a good cycle: its flags, and what its wires carried.
+    pub fn hear(&mut self, flags: Flags, wires: [Option<&[u8]>; WIRES]) {
         let group = &mut self.groups[usize::from(flags & 7)];
         group.cycles = group.cycles.saturating_add(1);
         group.after_reset += u32::from(core::mem::take(&mut self.is_reset));
-        group.last.clear();
-        group.last.extend_from_slice(back);
+        for (last, bytes) in group.last.iter_mut().zip(wires) {
+            last.clear();
+            last.extend_from_slice(bytes.unwrap_or_default());
+        }
     }
 
     /// The flag, if one of the `places` and no other was seen with both values.
@@ -71,11 +74,11 @@ impl Selects {
     }
 
     /// Which value of the flag at a place means ID cycles. `fits` says whether the one group's
-    /// bytes are ID words of a ring that the other's fit.
+    /// bytes on the wire that comes back are ID words of a ring that the other's fit.
     #[must_use]
     pub fn choose(
         &self,
-        place: u8,
+        (place, back): (u8, usize),
         given: Option<bool>,
         fits: impl Fn(&[u8], &[u8]) -> bool,
     ) -> Chosen {
@@ -83,7 +86,7 @@ impl Selects {
         if let Some(value) = given {
             return chosen(value, Reason::Given);
         }
-        let last = |value| self.last(place, value);
+        let last = |value| self.last(place, value, back);
         let says = [false, true].map(|value| fits(last(value), last(!value)));
         match says {
             [true, false] => return chosen(false, Reason::Lengths),
@@ -101,11 +104,11 @@ impl Selects {
         }
     }
 
-    /// The last cycle with a value of the flag: loopback word and registers as they came back.
+    /// The last cycle with a value of the flag: loopback word and registers on a wire.
     #[must_use]
-    pub fn last(&self, place: u8, value: bool) -> &[u8] {
+    pub fn last(&self, place: u8, value: bool, wire: usize) -> &[u8] {
         let most = self.with(place, value).max_by_key(|group| group.cycles);
-        most.map_or(&[], |group| &group.last)
+        most.map_or(&[], |group| &group.last[wire])
     }
 
     /// How many cycles had that value.
@@ -127,12 +130,12 @@ mod tests {
     #[test]
     fn the_flag_that_differs_is_the_one() {
         let mut selects = Selects::default();
-        selects.hear(0b101, &[1]);
+        selects.hear(0b101, [Some(&[1]), None]);
         assert_eq!(selects.place(0b111), None);
-        selects.hear(0b001, &[2]);
+        selects.hear(0b001, [Some(&[2]), None]);
         // Flags are numbered in the order they are sent: the first is the highest bit.
         assert_eq!(selects.place(0b111), Some(0));
-        selects.hear(0b000, &[3]);
+        selects.hear(0b000, [Some(&[3]), None]);
         assert_eq!(selects.place(0b111), None, "two vary");
         assert_eq!(selects.place(0b011), Some(0), "the other is something else");
     }
@@ -141,17 +144,17 @@ mod tests {
     fn lengths_decide_then_what_follows_a_reset_then_nothing() {
         let mut selects = Selects::default();
         let never = |_: &[u8], _: &[u8]| false;
-        (0..3).for_each(|_| selects.hear(0b101, &[1]));
-        selects.hear(0b001, &[2]);
-        assert_eq!(selects.choose(0, None, never).reason, Reason::Rarer);
-        assert!(!selects.choose(0, None, never).id_value);
+        (0..3).for_each(|_| selects.hear(0b101, [Some(&[1]), None]));
+        selects.hear(0b001, [Some(&[2]), None]);
+        assert_eq!(selects.choose((0, 0), None, never).reason, Reason::Rarer);
+        assert!(!selects.choose((0, 0), None, never).id_value);
         selects.reset();
-        selects.hear(0b101, &[1]);
-        selects.hear(0b001, &[2]);
-        let chosen = selects.choose(0, None, never);
+        selects.hear(0b101, [Some(&[1]), None]);
+        selects.hear(0b001, [Some(&[2]), None]);
+        let chosen = selects.choose((0, 0), None, never);
         assert_eq!((chosen.id_value, chosen.reason), (true, Reason::AfterReset(1)));
-        let chosen = selects.choose(0, None, |ids, data| (ids, data) == (&[2], &[1]));
+        let chosen = selects.choose((0, 0), None, |ids, data| (ids, data) == (&[2], &[1]));
         assert_eq!((chosen.id_value, chosen.reason), (false, Reason::Lengths));
-        assert_eq!(selects.choose(0, Some(true), never).reason, Reason::Given);
+        assert_eq!(selects.choose((0, 0), Some(true), never).reason, Reason::Given);
     }
 }

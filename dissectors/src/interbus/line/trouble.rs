@@ -22,7 +22,8 @@ impl Watch {
     pub fn judge(&mut self, cycle: &Cycle, has_partner: bool) -> Option<Trouble> {
         let damage = self.damage(cycle, has_partner);
         if damage.is_some() {
-            return damage.filter(|_| self.is_begun);
+            let is_sure = cycle.frames().all(|frame| !frame.raw.is_doubtful);
+            return damage.filter(|_| self.is_begun && is_sure);
         }
         self.is_begun = true;
         let control = self.control(cycle);

@@ -102,14 +102,11 @@ impl Wire {
                 held.add(levels);
                 let first = held.ticks.first().copied().unwrap_or(held.until);
                 let time = held.until.saturating_sub(first) / ticks_per_second.max(1);
-                if held.ticks.len() >= MOST || time >= ENOUGH_SECONDS {
-                    return Pace::Due;
+                match () {
+                    () if held.ticks.len() >= MOST || time >= ENOUGH_SECONDS => Pace::Due,
+                    () if held.ticks.len() >= self.enough => Pace::Early,
+                    () => Pace::Fine,
                 }
-                let is_enough = held.ticks.len() >= self.enough;
-                if is_enough {
-                    self.enough *= 2;
-                }
-                if is_enough { Pace::Early } else { Pace::Fine }
             }
             Stage::Deaf { until } => {
                 *until = (*until).max(levels.until);
@@ -130,8 +127,19 @@ impl Wire {
     /// Finds out how it is set up, and receives what was held.
     pub fn find_out(&mut self, sampling: Sampling, given: Given, pace: Pace) {
         let Stage::Finding(held) = &mut self.stage else { return };
-        let found = find(held, sampling, given);
-        if pace == Pace::Early && !found.is_some_and(|found| found.is_convincing()) {
+        let mut found = None;
+        // In the same steps, however the line comes in pieces.
+        while held.ticks.len() >= self.enough && self.enough < MOST {
+            let convincing = find(&first(held, self.enough), sampling, given);
+            found = convincing.filter(Found::is_convincing);
+            self.enough *= 2;
+            if found.is_some() {
+                break;
+            }
+        }
+        if found.is_none() && pace == Pace::Due {
+            found = find(&first(held, MOST), sampling, given);
+        } else if found.is_none() {
             return;
         }
         let held = core::mem::take(held);
@@ -238,32 +246,55 @@ impl Wire {
     }
 }
 
+/// The first edges, so many at most.
+fn first(held: &Edges, count: usize) -> Edges {
+    let ticks: Vec<u64> = held.ticks.iter().copied().take(count).collect();
+    let until = match held.ticks.get(count) {
+        Some(_) => ticks.last().map_or(held.until, |last| last + 1),
+        None => held.until,
+    };
+    Edges { ticks, until, ..*held }
+}
+
 fn push(waiting: &mut VecDeque<Item>, item: Item) {
     waiting.push_back(item);
 }
 
+/// What two wires carried at the same time.
+pub struct Pair {
+    /// Both, or one.
+    pub items: [Option<Item>; 2],
+    /// The other wire is known to have carried nothing then.
+    pub is_known: bool,
+}
+
 /// Two wires' items in pairs: those of the same cycle together.
-pub fn next_pair(wires: &mut [Wire], is_end: bool) -> Option<[Option<Item>; 2]> {
+pub fn next_pair(wires: &mut [Wire], is_end: bool) -> Option<Pair> {
     let [first, rest @ ..] = wires else { return None };
     let Some(second) = rest.first_mut() else {
-        return first.waiting.pop_front().map(|item| [Some(item), None]);
+        let item = first.waiting.pop_front()?;
+        return Some(Pair { items: [Some(item), None], is_known: false });
     };
     let is_forced = is_end || first.is_full() || second.is_full();
     let (a, b) = (first.waiting.front(), second.waiting.front());
+    let is_known = match (a, b) {
+        (Some(a), None) => second.known() > end_of(a),
+        (None, Some(b)) => first.known() > end_of(b),
+        _ => true,
+    };
     let take = match (a, b) {
         (None, None) => return None,
         (Some(Item::Frame(a)), Some(Item::Frame(b))) if is_same_cycle(a, b) => [true, true],
         (Some(a), Some(b)) => [a.start() <= b.start(), a.start() > b.start()],
-        (Some(a), None) if is_forced || second.known() > end_of(a) => [true, false],
-        (None, Some(b)) if is_forced || first.known() > end_of(b) => [false, true],
+        (Some(_), None) if is_forced || is_known => [true, false],
+        (None, Some(_)) if is_forced || is_known => [false, true],
         _ => return None,
     };
     let [first, second] = [(first, take[0]), (second, take[1])];
-    Some([first, second].map(
-        |(wire, is_taken)| {
-            if is_taken { wire.waiting.pop_front() } else { None }
-        },
-    ))
+    let take = |(wire, is_taken): (&mut Wire, bool)| {
+        if is_taken { wire.waiting.pop_front() } else { None }
+    };
+    Some(Pair { items: [first, second].map(take), is_known })
 }
 
 fn end_of(item: &Item) -> u64 {
