@@ -5,6 +5,7 @@ mod captures;
 mod conversions;
 mod endings;
 mod harness;
+mod lines;
 mod live;
 mod peers;
 mod process_words;

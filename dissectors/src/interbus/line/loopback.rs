@@ -342,7 +342,7 @@ mod tests {
         for is_turned in [false, true] {
             let mut search = Search::new(4);
             for cycle in 0..40_u8 {
-                let word = [0xB5, 0xE0 | cycle % 16];
+                let word = [0xB5, 0xE0 | (cycle % 16)];
                 let word = if is_turned { word.map(u8::reverse_bits) } else { word };
                 let data = [cycle.wrapping_mul(29), cycle.wrapping_mul(71)];
                 search.hear(&[data, word].concat(), None);
