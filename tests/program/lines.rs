@@ -70,7 +70,12 @@ impl Line {
                 wrong.push(format!("{what}: found {found}, is {is}"));
             }
         };
-        let text = |path: &str| self.found(path).map(str::to_owned);
+        // What is labelled a default claims nothing.
+        let text = |path: &str| {
+            let origin =
+                path.split('.').fold(&self.found, |value, key| &value[key])["origin"].clone();
+            self.found(path).filter(|_| origin == "found").map(str::to_owned)
+        };
         claim("bitrate", text("bitrate"), self.coded("bitrate"));
         claim("idle level", text("idle_level"), self.coded("idle_level"));
         let flags = self.coding["flag_order"].as_array().expect("three flags");

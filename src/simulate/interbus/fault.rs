@@ -101,9 +101,9 @@ impl Fault {
             PositionJump => "interbus.position-jump",
             RepeatedWrite => "interbus.repeated-write",
             Written => "interbus.written",
-            Crc => "interbus.crc",
+            Crc | MissingCharacter => "interbus.crc",
             Reset => "interbus.reset",
-            MissingCharacter | ExtraCharacter | Reconfiguration | ControlWord => "interbus.line",
+            ExtraCharacter | Reconfiguration | ControlWord => "interbus.line",
         }
     }
 
