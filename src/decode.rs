@@ -240,7 +240,7 @@ fn source_options(decoding: &Decoding) -> SourceOptions {
 /// What the user decided about the bus.
 ///
 /// # Errors
-/// A file of stations or of a device cannot be used.
+/// A file of stations, of a device or of a line cannot be used.
 pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
     let inverted = match decoding.invert {
         Invert::Auto => None,
@@ -254,13 +254,14 @@ pub fn settings(decoding: &Decoding) -> anyhow::Result<Settings> {
         Some(path) => crate::stations::read(path)?,
         None => Stations::new(),
     };
+    let (interbus, named) = decoding.interbus.settings()?;
     let mut settings = Settings {
         protocol: decoding.protocol.given(),
         line,
         can: can::Settings { bitrate: decoding.bitrate.given() },
         slin: slin::Settings { profile: decoding.profile, checksum },
-        interbus: decoding.interbus.settings(),
-        devices: decoding.devices.iter().copied().collect(),
+        interbus,
+        devices: named.into_iter().chain(decoding.devices.iter().copied()).collect(),
         eds: read_eds(&decoding.eds, decoding.quiet)?,
         stations,
         ..Settings::default()

@@ -1,7 +1,7 @@
 //! From a source, over the buses it hears, to records.
 
 use crate::source::{Piece, Source, SourceError};
-use dissectors::bus::Bus;
+use dissectors::bus::{Bus, WireFacts};
 use dissectors::event::Moment;
 use dissectors::protocol::Settings;
 use dissectors::record::{BusInfo, Output, Sink};
@@ -21,10 +21,18 @@ pub trait Consumer: Sink {
     fn end(&mut self, bus: &BusInfo, end: Moment);
 }
 
+/// What a source names: a bus, or one wire of a bus that has several.
+struct Channel {
+    info: BusInfo,
+    bus: usize,
+    wire: usize,
+}
+
 /// The buses of a run. Several sources go through it one after the other as one stream.
 pub struct Pipeline {
     settings: Settings,
     buses: Vec<Bus>,
+    channels: Vec<Channel>,
     /// Where the capture of each bus ended.
     ends: Vec<Moment>,
     last_number: u64,
@@ -33,7 +41,13 @@ pub struct Pipeline {
 impl Pipeline {
     /// A run in which nothing was heard yet.
     pub fn new(settings: Settings) -> Self {
-        Pipeline { settings, buses: Vec::new(), ends: Vec::new(), last_number: 0 }
+        Pipeline {
+            settings,
+            buses: Vec::new(),
+            channels: Vec::new(),
+            ends: Vec::new(),
+            last_number: 0,
+        }
     }
 
     /// The buses that appeared so far.
@@ -61,32 +75,79 @@ impl Pipeline {
             match source.next_piece()? {
                 None => break,
                 Some(Piece::Bus(info, facts)) => {
-                    // Two channels of one source may bear the same name.
-                    let is_it = |(index, bus): &(usize, &Bus)| {
-                        *bus.info() == info && !numbers.contains(index)
-                    };
-                    let known = self.buses.iter().enumerate().find(is_it).map(|(index, _)| index);
-                    numbers.push(known.unwrap_or(self.buses.len()));
-                    if let Some(known) = known {
-                        let mut out = Output::new(&mut self.last_number, &mut *consumer);
-                        self.buses[known].go_on(facts, &mut out);
-                    } else {
-                        self.buses.push(Bus::new(info, facts, self.settings.clone()));
-                        self.ends.push(Moment::UNKNOWN);
-                    }
+                    let number = self.channel(info, facts, &numbers, consumer);
+                    numbers.push(number);
                 }
-                Some(Piece::Heard(bus, event)) => {
+                Some(Piece::Heard(number, event)) => {
+                    let Channel { bus, wire, .. } = self.channels[numbers[number]];
                     let mut out = Output::new(&mut self.last_number, &mut *consumer);
-                    self.buses[numbers[bus]].hear(event, &mut out);
+                    self.buses[bus].hear_wire(wire, event, &mut out);
                 }
-                Some(Piece::Comment(bus, time, text)) => {
-                    consumer.comment(self.buses[numbers[bus]].info(), time, text);
+                Some(Piece::Comment(number, time, text)) => {
+                    let bus = self.channels[numbers[number]].bus;
+                    consumer.comment(self.buses[bus].info(), time, text);
                 }
                 Some(Piece::Warning(warning)) => consumer.warn(&warning),
-                Some(Piece::End(bus, end)) => self.ends[numbers[bus]] = end,
+                Some(Piece::End(number, end)) => {
+                    self.ends[self.channels[numbers[number]].bus] = end;
+                }
             }
         }
         Ok(())
+    }
+
+    /// The number of a channel that appears in a source which has these already.
+    fn channel(
+        &mut self,
+        info: BusInfo,
+        facts: WireFacts,
+        heard: &[usize],
+        consumer: &mut dyn Consumer,
+    ) -> usize {
+        // Two channels of one source may bear the same name.
+        let is_it =
+            |(number, channel): &(usize, &Channel)| channel.info == info && !heard.contains(number);
+        let known = self.channels.iter().enumerate().find(is_it).map(|(number, _)| number);
+        if let Some(known) = known {
+            let bus = self.channels[known].bus;
+            if !heard.iter().any(|number| self.channels[*number].bus == bus) {
+                let mut out = Output::new(&mut self.last_number, &mut *consumer);
+                self.buses[bus].go_on(facts, &mut out);
+            }
+            return known;
+        }
+        let (bus, wire) = self.join(&info, facts, heard).unwrap_or_else(|| {
+            self.buses.push(Bus::new(info.clone(), facts, self.settings.clone()));
+            self.ends.push(Moment::UNKNOWN);
+            (self.buses.len() - 1, 0)
+        });
+        self.channels.push(Channel { info, bus, wire });
+        self.channels.len() - 1
+    }
+
+    /// The bus of the same source that a channel is one more wire of, and which. Where the protocol
+    /// has several wires, they are known by their names, or else by their order.
+    fn join(
+        &mut self,
+        info: &BusInfo,
+        facts: WireFacts,
+        heard: &[usize],
+    ) -> Option<(usize, usize)> {
+        let names = self.settings.protocol?.wires;
+        facts.sampling?;
+        let last = &self.channels[*heard.last()?];
+        let (bus, before) = (last.bus, &last.info.name);
+        let wires = self.channels.iter().filter(|channel| channel.bus == bus).count();
+        if wires >= names.len() {
+            return None;
+        }
+        let place = |name: &str| names.iter().position(|known| known.eq_ignore_ascii_case(name));
+        let is_before = place(&info.name).zip(place(before)).is_some_and(|(own, it)| own < it);
+        let wire = if is_before { wires - 1 } else { wires };
+        self.buses[bus].add_wire(wire);
+        let moved = self.channels.iter_mut().filter(|it| it.bus == bus && it.wire >= wire);
+        moved.for_each(|channel| channel.wire += 1);
+        Some((bus, wire))
     }
 
     /// Tells every bus that nothing more will come.

@@ -58,10 +58,43 @@ pub struct StationTally {
     pub period: Period,
     /// Its response times in ns.
     pub response_times: Histogram<u64>,
+    /// Where it was.
+    pub positions: Option<Positions>,
+    /// What it was asked for, by name, in the order that was first done.
+    pub services: Vec<(String, u64)>,
     /// The last requests to it that were not answered yet; 0 is none.
     open: [i64; OPEN],
     /// The request that was answered last.
     last_answered: Option<i64>,
+}
+
+/// The positions of a station in records without an error.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Positions {
+    /// The first.
+    pub first: i64,
+    /// The lowest.
+    pub lowest: i64,
+    /// The highest.
+    pub highest: i64,
+    /// The last.
+    pub last: i64,
+    /// When it last changed, if it ever did.
+    pub moved: Option<Moment>,
+}
+
+impl Positions {
+    const fn new(first: i64) -> Self {
+        Positions { first, lowest: first, highest: first, last: first, moved: None }
+    }
+
+    fn add(&mut self, position: i64, time: Moment) {
+        self.lowest = self.lowest.min(position);
+        self.highest = self.highest.max(position);
+        if std::mem::replace(&mut self.last, position) != position {
+            self.moved = Some(time);
+        }
+    }
 }
 
 /// One finding code at one station, or at none.
@@ -105,6 +138,45 @@ struct Places {
     by_station: Vec<Option<usize>>,
 }
 
+impl StationTally {
+    fn add_turn(&mut self, record: &Record<'_>) {
+        self.period.add(record.start);
+        if record.turn == Turn::Asks {
+            self.asked += 1;
+            self.count_service(record);
+            self.open.rotate_right(1);
+            self.open[0] = record.n.cast_signed();
+            return;
+        }
+        self.answers += 1;
+        let Value::Int(request) = record.by_role(Role::Request) else { return };
+        // One request has one answer, but a command to many stations has many.
+        if self.last_answered != Some(request) {
+            self.last_answered = Some(request);
+            match self.open.iter_mut().find(|open| **open == request) {
+                Some(open) => *open = 0,
+                None => {
+                    self.asked += 1;
+                    self.count_service(record);
+                }
+            }
+            self.answered += 1;
+            if let Value::Int(ns) = record.by_role(Role::ResponseTime) {
+                // The histogram grows with its values.
+                let _ = self.response_times.record(u64::try_from(ns).unwrap_or(0));
+            }
+        }
+    }
+
+    fn count_service(&mut self, record: &Record<'_>) {
+        let Value::Text(name) = record.by_role(Role::Service) else { return };
+        match self.services.iter_mut().find(|(known, _)| known == name) {
+            Some((_, count)) => *count += 1,
+            None => self.services.push((name.to_owned(), 1)),
+        }
+    }
+}
+
 impl Tally {
     /// The worst severity found.
     pub fn worst(&self) -> Option<Severity> {
@@ -137,6 +209,8 @@ impl Tally {
                 answers: 0,
                 period: Period::NEVER,
                 response_times: histogram(),
+                positions: None,
+                services: Vec::new(),
                 open: [0; OPEN],
                 last_answered: None,
             });
@@ -144,36 +218,26 @@ impl Tally {
         })
     }
 
-    fn add_turn(&mut self, record: &Record<'_>, station: u16) {
-        if record.turn == Turn::Neither {
+    /// What a record tells of its station: that it was asked or answered, and where it is.
+    fn add_station(&mut self, record: &Record<'_>, station: u16) {
+        let position = match record.by_role(Role::Position) {
+            Value::Int(position) => Some(position),
+            _ => None,
+        };
+        if position.is_none() && record.turn == Turn::Neither {
             return;
         }
         let index = self.station(&record.bus.name, station);
         let tally = &mut self.stations[index];
-        tally.period.add(record.start);
-        if record.turn == Turn::Asks {
-            tally.asked += 1;
-            tally.open.rotate_right(1);
-            tally.open[0] = record.n.cast_signed();
-            return;
+        let is_wrong = |finding: &Finding| finding.severity() == Severity::Error;
+        if let Some(position) = position.filter(|_| !record.findings.iter().any(is_wrong)) {
+            let positions = tally.positions.get_or_insert(Positions::new(position));
+            positions.add(position, record.start);
         }
-        tally.answers += 1;
-        let Value::Int(request) = record.by_role(Role::Request) else { return };
-        // One request has one answer, but a command to many stations has many.
-        if tally.last_answered != Some(request) {
-            tally.last_answered = Some(request);
-            match tally.open.iter_mut().find(|open| **open == request) {
-                Some(open) => *open = 0,
-                None => tally.asked += 1,
-            }
-            tally.answered += 1;
-            if let Value::Int(ns) = record.by_role(Role::ResponseTime) {
-                // The histogram grows with its values.
-                let _ = tally.response_times.record(u64::try_from(ns).unwrap_or(0));
-            }
+        if record.turn != Turn::Neither {
+            tally.add_turn(record);
         }
     }
-
     fn add_findings(&mut self, record: &Record<'_>) {
         let is_end = |finding: &&Finding| matches!(finding.state, Some(State::End(_)));
         let told = record.findings.iter().filter(|finding| !is_end(finding));
@@ -207,7 +271,7 @@ impl Sink for Tally {
         self.period.get_or_insert(Period::NEVER).add(record.start);
         self.uncertainty = self.uncertainty.max(record.uncertainty);
         if let Some(station) = record.station {
-            self.add_turn(record, station);
+            self.add_station(record, station);
         }
         self.add_findings(record);
     }

@@ -66,11 +66,18 @@ fn line_of(bus: &Bus) -> String {
 }
 
 fn line_of_words(bus: &Bus) -> String {
-    let LineCounts { rows, losses, .. } = bus.counts();
-    if rows == 0 {
-        return "silent: no rows".to_owned();
-    }
+    let LineCounts { rows, cycles, bad_cycles, losses, .. } = bus.counts();
     let losses = if losses > 0 { format!(", losses: {losses}") } else { String::new() };
+    if cycles > 0 {
+        let state = if bad_cycles * 100 > cycles { "bad" } else { "ok" };
+        let rate = bus.wire().baud().map_or("rate not known".to_owned(), bitrate);
+        let share = bad_cycles as f64 * 100.0 / cycles as f64;
+        let cycles = counted(cycles, "cycle");
+        return format!("{state}: {rate}, {cycles}, {bad_cycles} damaged ({share:.2} %){losses}");
+    }
+    if rows == 0 {
+        return "silent: no rows and no cycles".to_owned();
+    }
     format!("ok: {}{losses}", counted(rows, "row"))
 }
 
@@ -194,6 +201,10 @@ fn who_of(stations: &[&StationTally]) -> String {
     let unasked = numbers(&|station| station.asked == 0 && station.answers > 0);
     if unasked != "nobody" {
         let _ = write!(text, " | unasked {unasked}");
+    }
+    let heard = numbers(&|station| station.asked == 0 && station.answers == 0);
+    if heard != "nobody" {
+        let _ = write!(text, " | heard {heard}");
     }
     text
 }
@@ -377,8 +388,11 @@ impl fmt::Display for Learned {
 }
 
 fn why_withheld(tally: &Tally, buses: &[Bus]) -> String {
+    let of_words = |bus: &Bus| bus.protocol().is_some_and(|it| it.medium == Medium::Words);
     if buses.iter().all(|bus| bus.info().clock.is_none()) {
         "the source has no times".to_owned()
+    } else if buses.iter().all(of_words) {
+        "rows may be missing between those of the log: --every-cycle".to_owned()
     } else if buses.iter().any(|bus| bus.wire().baud().is_none()) {
         "rate not known".to_owned()
     } else {

@@ -2,6 +2,7 @@
 
 mod can;
 mod serial;
+mod words;
 
 use criterion::{criterion_group, criterion_main};
 use dissectors::bus::{Bus, Sampling, WireFacts};
@@ -47,5 +48,6 @@ criterion_group!(
     can::frames_to_records,
     can::frames_to_csv,
     can::levels_to_frames,
+    words::rows_to_records,
 );
 criterion_main!(benches);

@@ -12,6 +12,7 @@ use crate::line::{Line, Listener};
 use crate::measure::Measurement;
 use crate::protocol::{Conclusion, Medium, Protocol, Settings};
 use crate::record::{BusInfo, Output};
+use crate::setting::Setting;
 use crate::uart::{Baud, Format, Wire};
 use alloc::vec::Vec;
 
@@ -42,7 +43,7 @@ pub struct Sampling {
 }
 
 /// What was on the wire so far, good or bad: characters of a serial line, frames of a CAN bus,
-/// rows of words.
+/// rows and cycles of words.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LineCounts {
     /// CAN frames, error frames included.
@@ -53,6 +54,10 @@ pub struct LineCounts {
     pub frames_without_rate: u64,
     /// Rows of words.
     pub rows: u64,
+    /// Cycles of words.
+    pub cycles: u64,
+    /// Cycles that are damaged: their stop bits, their end, or their checksum.
+    pub bad_cycles: u64,
     /// Characters.
     pub characters: u64,
     /// Characters with a parity or framing error.
@@ -149,7 +154,19 @@ impl Bus {
     /// Everything that was found out instead of being told.
     #[must_use]
     pub fn conclusions(&self) -> Vec<Conclusion> {
-        self.line.conclusions().iter().cloned().chain(self.decoder.conclusions()).collect()
+        self.line.conclusions().into_iter().chain(self.decoder.conclusions()).collect()
+    }
+
+    /// What the protocol leaves open about its line: the answers that are used, and from what.
+    #[must_use]
+    pub fn settings(&self) -> Vec<Setting> {
+        self.line.settings()
+    }
+
+    /// Another wire of the line is heard from now on, by this number in [`Bus::hear_wire`]. Wires
+    /// that had this number, or a higher one, have the next.
+    pub fn add_wire(&mut self, number: usize) {
+        self.line.add_wire(number);
     }
 
     /// When silence would mean something: an [`Event::Advance`] to later than this brings records.
@@ -160,8 +177,13 @@ impl Bus {
 
     /// Takes the next event.
     pub fn hear(&mut self, event: Event<'_>, out: &mut Output<'_>) {
+        self.hear_wire(0, event, out);
+    }
+
+    /// Takes the next event of one of its wires.
+    pub fn hear_wire(&mut self, wire: usize, event: Event<'_>, out: &mut Output<'_>) {
         match event {
-            Event::Levels(levels) => self.hear_levels(Some(&levels), out),
+            Event::Levels(levels) => self.hear_levels(Some((wire, &levels)), out),
             Event::Lost(loss) => {
                 self.hear_levels(None, out);
                 self.decoder.hear(self.wire(), Event::Lost(loss), out);
@@ -185,10 +207,10 @@ impl Bus {
     }
 
     /// Takes the next levels, or that none follow.
-    fn hear_levels(&mut self, levels: Option<&Levels<'_>>, out: &mut Output<'_>) {
+    fn hear_levels(&mut self, levels: Option<(usize, &Levels<'_>)>, out: &mut Output<'_>) {
         let mut behind = Behind { decoder: &mut self.decoder, out };
         match levels {
-            Some(levels) => self.line.hear(levels, &mut behind),
+            Some((wire, levels)) => self.line.hear(wire, levels, &mut behind),
             None => self.line.end(&mut behind),
         }
     }

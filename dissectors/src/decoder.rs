@@ -4,7 +4,7 @@ use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load, RateSearch};
 use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
-use crate::interbus;
+use crate::interbus::{self, line::Crc};
 use crate::measure::Measurement;
 use crate::protocol::{
     Beginning, Conclusion, Dissector, Medium, PROTOCOLS, Protocol, Settings, Speaks,
@@ -167,9 +167,14 @@ impl Decoder {
                 counts.error_frames += frames.iter().filter(is_error).count() as u64;
             }
             Event::Rows(rows) => counts.rows += rows.len() as u64,
+            Event::Cycle(cycle) => {
+                counts.cycles += 1;
+                let is_bad = matches!(cycle.crc(), Crc::Bad { .. }) || cycle.is_damaged();
+                counts.bad_cycles += u64::from(is_bad);
+            }
             Event::Break(_) => counts.breaks += 1,
             Event::Lost(_) => counts.losses += 1,
-            Event::Levels(_) | Event::Advance(_) => {}
+            Event::Levels(_) | Event::Advance(_) | Event::Silence(_) => {}
         }
     }
 
@@ -177,8 +182,9 @@ impl Decoder {
         if let (Event::Frames(_), Some(rate)) = (event, self.settings.can.bitrate) {
             wire = Wire::new(Some(rate), wire.format());
         }
-        if let Event::Rows(_) = event {
+        if let Event::Rows(_) | Event::Cycle(_) | Event::Silence(_) = event {
             // Words are of one protocol alone: there is nothing to find out.
+            self.told = Some(Medium::Words);
             self.find_out(wire, out);
             return self.pass_on(event, out);
         }
@@ -210,7 +216,7 @@ impl Decoder {
                 loss.start
             }
             Event::Advance(now) => now,
-            Event::Levels(_) | Event::Rows(_) => return,
+            Event::Levels(_) | Event::Rows(_) | Event::Cycle(_) | Event::Silence(_) => return,
         };
         let is_long = since.is_known() && now.is_after(since.plus(HELD_NS));
         let is_full = held.len() >= HELD;

@@ -61,9 +61,13 @@ impl Edges {
 
     /// Whether these are enough edges to find something out, or have taken long enough.
     pub fn is_enough(&self, ticks_per_second: u64) -> bool {
+        self.ticks.len() >= ENOUGH || self.is_long(ticks_per_second)
+    }
+
+    /// Whether these took as long as edges are held back at most.
+    pub fn is_long(&self, ticks_per_second: u64) -> bool {
         let first = self.ticks.first().copied().unwrap_or(self.until);
-        let time = self.until.saturating_sub(first) / ticks_per_second.max(1);
-        self.ticks.len() >= ENOUGH || time >= ENOUGH_SECONDS
+        self.until.saturating_sub(first) / ticks_per_second.max(1) >= ENOUGH_SECONDS
     }
 }
 

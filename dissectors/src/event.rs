@@ -1,10 +1,10 @@
 //! What a tap can hear.
 //!
-//! Everything a dissector takes in is an [`Event`]: characters, CAN frames, rows of words,
+//! Everything a dissector takes in is an [`Event`]: characters, CAN frames, rows of words, cycles,
 //! line levels, a break, a loss, or the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
 
 use crate::can::Frame;
-use crate::interbus::Row;
+use crate::interbus::{Cycle, Row};
 use crate::uart::Character;
 
 /// A point in time on the wire: nanoseconds since the Unix epoch or, where the source has no
@@ -127,6 +127,17 @@ pub struct Break {
     pub duration: Option<u64>,
 }
 
+/// Nothing was on a line for longer than its protocol allows.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Silence {
+    /// When it began.
+    pub start: Moment,
+    /// From when on it means something.
+    pub deadline: Moment,
+    /// ± of `start` in ns.
+    pub uncertainty: u32,
+}
+
 /// Something was on the wire and is not in the capture.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Loss {
@@ -156,7 +167,11 @@ pub enum Event<'a> {
     Frames(&'a [Frame]),
     /// Rows of words, in the order they were logged.
     Rows(&'a [Row]),
-    /// Line levels, to be decoded into characters or frames.
+    /// A cycle of a ring, as its line carried it.
+    Cycle(&'a Cycle),
+    /// Nothing was on a line for so long that it means something.
+    Silence(Silence),
+    /// Line levels, to be decoded into characters, frames or cycles.
     Levels(Levels<'a>),
     /// A break.
     Break(Break),

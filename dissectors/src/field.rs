@@ -55,6 +55,8 @@ pub enum Role {
     ResponseTime,
     /// Number of the record that asked.
     Request,
+    /// What is asked for, by name.
+    Service,
     /// Who sent it.
     Source,
     /// Who it is for.

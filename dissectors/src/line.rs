@@ -1,13 +1,20 @@
 //! The line in front of a bus whose source has levels: what it carries, and from levels to that.
+//!
+//! A line may have several wires, if the protocol has: these go side by side.
 
 use crate::bus::Sampling;
 use crate::can;
 use crate::edges::Edges;
 use crate::event::{Event, Levels};
 use crate::finding::Finding;
+use crate::interbus::line::{self as ring, Verdict};
 use crate::protocol::{Conclusion, Medium, Settings};
+use crate::setting::Setting;
 use crate::uart::{self, LineSettings, Wire};
-use alloc::boxed::Box;
+use alloc::{boxed::Box, vec::Vec};
+
+/// Edges that are held back at most while they may be the beginning of a ring's cycles.
+const MOST_HELD: usize = 1 << 16;
 
 /// Who listens to what comes off a line.
 pub(crate) trait Listener {
@@ -23,11 +30,13 @@ pub(crate) enum Line {
     /// There are no levels: the source has characters or frames.
     None,
     /// Not known yet: levels are held back until frames speak for themselves, or do not.
-    Open { held: Edges, sampling: Sampling, given: LineSettings },
+    Open { held: Edges, sampling: Sampling, given: LineSettings, profile: Box<ring::Profile> },
     /// A line that carries characters.
     Serial(Box<uart::Line>),
     /// A line that carries frames.
     Can(can::Line),
+    /// A line that carries cycles of words.
+    Words(Box<ring::Line>),
 }
 
 impl Line {
@@ -40,13 +49,18 @@ impl Line {
         match settings.protocol.map(|protocol| protocol.medium) {
             Some(Medium::Serial) => Line::Serial(Box::new(uart::Line::new(sampling, given))),
             Some(Medium::Can) => Line::Can(can::Line::new(sampling, settings.can, given.inverted)),
-            // Lines of words are not read yet.
-            Some(Medium::Words) => Line::None,
+            Some(Medium::Words) => {
+                let profile = settings.interbus.line.clone();
+                Line::Words(Box::new(ring::Line::new(sampling, profile, given.inverted)))
+            }
             None if settings.can.bitrate.is_some() => {
                 Line::Can(can::Line::new(sampling, settings.can, given.inverted))
             }
             None if is_serial => Line::Serial(Box::new(uart::Line::new(sampling, given))),
-            None => Line::Open { held: Edges::default(), sampling, given },
+            None => {
+                let profile = Box::new(settings.interbus.line.clone());
+                Line::Open { held: Edges::default(), sampling, given, profile }
+            }
         }
     }
 
@@ -56,6 +70,7 @@ impl Line {
             Line::None | Line::Open { .. } => None,
             Line::Serial(line) => line.wire(),
             Line::Can(line) => line.wire(),
+            Line::Words(line) => line.wire(),
         }
     }
 
@@ -65,29 +80,46 @@ impl Line {
             Line::None | Line::Open { .. } => false,
             Line::Serial(line) => line.is_inverted(),
             Line::Can(line) => line.is_inverted(),
+            Line::Words(line) => line.is_inverted(),
         }
     }
 
     /// Pulses too short for a bit so far.
     pub fn glitches(&self) -> u64 {
         match self {
-            Line::None | Line::Open { .. } => 0,
+            Line::None | Line::Open { .. } | Line::Words(_) => 0,
             Line::Serial(line) => line.glitches(),
             Line::Can(line) => line.glitches(),
         }
     }
 
     /// What was found out, with the evidence.
-    pub fn conclusions(&self) -> &[Conclusion] {
+    pub fn conclusions(&self) -> Vec<Conclusion> {
         match self {
-            Line::None | Line::Open { .. } => &[],
-            Line::Serial(line) => line.conclusions(),
-            Line::Can(line) => line.conclusions(),
+            Line::None | Line::Open { .. } => Vec::new(),
+            Line::Serial(line) => line.conclusions().to_vec(),
+            Line::Can(line) => line.conclusions().to_vec(),
+            Line::Words(line) => line.conclusions(),
         }
     }
 
-    /// Takes the next piece of line.
-    pub fn hear(&mut self, levels: &Levels<'_>, listener: &mut impl Listener) {
+    /// What the protocol leaves open about its line, with the answers.
+    pub fn settings(&self) -> Vec<Setting> {
+        match self {
+            Line::Words(line) => line.settings(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// It has another wire of this number.
+    pub fn add_wire(&mut self, number: usize) {
+        if let Line::Words(line) = self {
+            line.add_wire(number);
+        }
+    }
+
+    /// Takes the next piece of a wire.
+    pub fn hear(&mut self, wire: usize, levels: &Levels<'_>, listener: &mut impl Listener) {
         match self {
             Line::None => {}
             Line::Serial(line) => {
@@ -95,10 +127,11 @@ impl Line {
                 line.take_doubt().into_iter().for_each(|finding| listener.note(finding));
             }
             Line::Can(line) => line.hear(levels, listener),
+            Line::Words(line) => line.hear(wire, levels, listener),
             Line::Open { held, sampling, .. } => {
                 held.add(levels);
                 if held.is_enough(sampling.ticks_per_second) {
-                    self.decide(listener);
+                    self.decide(false, listener);
                 }
             }
         }
@@ -109,7 +142,7 @@ impl Line {
         if let Line::Open { held, .. } = self
             && !held.ticks.is_empty()
         {
-            self.decide(listener);
+            self.decide(true, listener);
         }
         match self {
             Line::None | Line::Open { .. } => {}
@@ -118,6 +151,7 @@ impl Line {
                 line.take_doubt().into_iter().for_each(|finding| listener.note(finding));
             }
             Line::Can(line) => line.end(listener),
+            Line::Words(line) => line.end(listener),
         }
     }
 
@@ -128,18 +162,37 @@ impl Line {
             Line::Open { sampling, .. } => *sampling = next,
             Line::Serial(line) => line.go_on(next),
             Line::Can(line) => line.go_on(next),
+            Line::Words(line) => line.go_on(next),
         }
     }
 
-    /// Decides what the line carries, and passes on what was held back.
-    fn decide(&mut self, listener: &mut impl Listener) {
-        let Line::Open { held, sampling, given } = self else { return };
-        let (held, sampling, given) = (core::mem::take(held), *sampling, *given);
-        *self = if can::line::is_can(&held, sampling, given.inverted) {
-            Line::Can(can::Line::new(sampling, can::Settings::default(), given.inverted))
-        } else {
-            Line::Serial(Box::new(uart::Line::new(sampling, given)))
+    /// Decides what the line carries, and passes on what was held back. While a ring is idle there
+    /// are no cycles to know it by: more is held, unless this is the end.
+    fn decide(&mut self, is_end: bool, listener: &mut impl Listener) {
+        let Line::Open { held, sampling, given, profile } = self else { return };
+        let (sampling, given) = (*sampling, *given);
+        let is_can = can::line::is_can(held, sampling, given.inverted);
+        let verdict = match is_can {
+            true => Verdict::No,
+            false => ring::recognize(held, sampling, given.inverted),
         };
-        self.hear(&held.levels(), listener);
+        let is_bounded = held.ticks.len() < MOST_HELD && !held.is_long(sampling.ticks_per_second);
+        if verdict == Verdict::Perhaps && is_bounded && !is_end {
+            return;
+        }
+        let held = core::mem::take(held);
+        let profile = core::mem::take(&mut **profile);
+        *self = match verdict {
+            _ if is_can => {
+                Line::Can(can::Line::new(sampling, can::Settings::default(), given.inverted))
+            }
+            Verdict::Yes => {
+                Line::Words(Box::new(ring::Line::new(sampling, profile, given.inverted)))
+            }
+            Verdict::Perhaps | Verdict::No => {
+                Line::Serial(Box::new(uart::Line::new(sampling, given)))
+            }
+        };
+        self.hear(0, &held.levels(), listener);
     }
 }

@@ -51,6 +51,9 @@ pub struct Protocol {
     pub limits: &'static [Limit],
     /// What it travels on.
     pub medium: Medium,
+    /// The wires of one bus that a tap hears side by side, as they are marked: none where there is
+    /// one, which has no name.
+    pub wires: &'static [&'static str],
     /// Whether the beginning of a bus of its medium speaks for it.
     pub speaks: fn(&Beginning<'_>) -> Speaks,
     /// Makes a dissector for one bus.

@@ -4,7 +4,7 @@ use crate::can::Frame;
 use crate::event::{Break, Clock, Loss, LossCause, Moment};
 use crate::field::{Field, FieldId, Kind, Role, Value};
 use crate::finding::{Code, Finding};
-use crate::interbus::Row;
+use crate::interbus::{Cycle, Row};
 use crate::protocol::Protocol;
 use crate::uart::{self, Character, ParityMarks, Wire};
 use alloc::string::String;
@@ -19,6 +19,8 @@ pub enum Heard<'a> {
     Frame(&'a Frame),
     /// This row of words.
     Row(&'a Row),
+    /// This cycle of words.
+    Cycle(&'a Cycle),
     /// A break.
     Break(Break),
     /// A loss.
@@ -161,6 +163,16 @@ impl<'a> Record<'a> {
         self
     }
 
+    /// The same, as told by this cycle.
+    #[must_use]
+    pub fn of_cycle(mut self, cycle: &'a Cycle) -> Self {
+        self.heard = Heard::Cycle(cycle);
+        self.start = cycle.start;
+        self.uncertainty = cycle.uncertainty;
+        self.duration = Some(cycle.duration);
+        self
+    }
+
     /// The same, as the record of a break.
     #[must_use]
     pub fn of_break(mut self, event: Break) -> Self {
@@ -216,18 +228,24 @@ impl<'a> Record<'a> {
     /// Whether it carries bytes of the wire, be it none.
     #[must_use]
     pub fn has_bytes(&self) -> bool {
-        matches!(self.heard, Heard::Characters(_) | Heard::Frame(_) | Heard::Row(_))
+        matches!(
+            self.heard,
+            Heard::Characters(_) | Heard::Frame(_) | Heard::Row(_) | Heard::Cycle(_)
+        )
     }
 
-    /// The bytes on the wire: those of the characters, the data of the frame, or the words of the
-    /// row.
+    /// The bytes on the wire: those of the characters, the data of the frame, the words of the row,
+    /// or all of the cycle, what was sent before what came back.
     pub fn bytes(&self) -> impl Iterator<Item = u8> + use<'a> {
-        let data = match self.heard {
-            Heard::Frame(frame) => frame.bytes(),
-            Heard::Row(row) => row.bytes(),
-            _ => &[],
+        let (data, cycle) = match self.heard {
+            Heard::Frame(frame) => (frame.bytes(), None),
+            Heard::Row(row) => (row.bytes(), None),
+            Heard::Cycle(cycle) => (&[][..], Some(cycle)),
+            _ => (&[][..], None),
         };
-        self.characters().iter().map(Character::byte).chain(data.iter().copied())
+        let wires = cycle.into_iter().flat_map(|cycle| cycle.frames());
+        let behind = wires.flat_map(|frame| frame.bytes().iter().copied());
+        self.characters().iter().map(Character::byte).chain(data.iter().copied()).chain(behind)
     }
 
     /// How many characters or frames were lost here, if this is a loss and they were counted.

@@ -1,9 +1,12 @@
 //! The options that only INTERBUS has.
 
+mod line_profile;
+
 use crate::source::interbus::{Layout, LengthCodes, Mapping, Order, Radix, RingMap, TimeUnit};
 use clap::Args;
 use dissectors::interbus::diagnostic::{self, Generation};
-use dissectors::interbus::{Master, Settings};
+use dissectors::interbus::{Master, ReadEcho, Settings};
+use line_profile::Named;
 use std::path::PathBuf;
 
 /// How logs of a ring are written, and what is known of it.
@@ -13,6 +16,11 @@ pub struct Interbus {
     /// The log has a row for every bus cycle: states that it does not show were skipped.
     #[arg(long)]
     pub every_cycle: bool,
+
+    /// What an LA-66 answers to a read service: its manual says "the requested data" (§2.3) and
+    /// "the OUT data" (§4).
+    #[arg(long, value_name = "WHAT", default_value = "value", value_parser = super::named(&ReadEcho::NAMES))]
+    pub read_echo: ReadEcho,
 
     /// Which columns of a log are which, by name or number from 1, such as
     /// time=Timestamp,out=QD10,in=4. Names: time, date, device, out, in (32 bits), out1, out2, in1,
@@ -61,6 +69,11 @@ pub struct Interbus {
     /// published; the default is a guess: MOD,LB,RB,CTRL,BSA,RUN,BASP,READY
     #[arg(long, value_name = "NAMES", value_parser = third)]
     pub generation_3_bits: Option<diagnostic::Order>,
+
+    /// What is known of the format of the line (TOML): flags, loopback word, checksum, the devices
+    /// of the ring. What it leaves out is found out. Experimental.
+    #[arg(long, value_name = "FILE")]
+    pub line_profile: Option<PathBuf>,
 }
 
 impl Interbus {
@@ -79,11 +92,19 @@ impl Interbus {
         }
     }
 
-    /// What the ring is judged by.
-    pub fn settings(&self) -> Settings {
+    /// What the ring is judged by, and the devices that the profile of its line names.
+    ///
+    /// # Errors
+    /// The profile cannot be used.
+    pub fn settings(&self) -> anyhow::Result<(Settings, Named)> {
+        let (line, named) = match &self.line_profile {
+            Some(path) => line_profile::read(path)?,
+            None => Default::default(),
+        };
         let third = self.generation_3_bits.unwrap_or_default();
         let master = Master { generation: self.generation, third };
-        Settings { every_cycle: self.every_cycle, master, ..Settings::default() }
+        let (every_cycle, read_echo) = (self.every_cycle, self.read_echo);
+        Ok((Settings { every_cycle, read_echo, master, line, ..Settings::default() }, named))
     }
 }
 

@@ -4,7 +4,7 @@ use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
 use crate::say;
-use crate::tally::{FindingTally, Period, StationTally};
+use crate::tally::{FindingTally, Period, Positions, StationTally};
 use crate::terminal::clean;
 use crate::verdict::Learned;
 use clap::{Args, ValueEnum};
@@ -12,6 +12,7 @@ use dissectors::bus::Bus;
 use dissectors::finding::Span;
 use dissectors::measure::Measurement;
 use dissectors::record::{Record, Sink};
+use dissectors::setting::Setting;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
@@ -132,6 +133,8 @@ fn text(outcome: &Outcome) -> String {
         }
         let _ = writeln!(text);
     }
+    text.push_str(&positions(&tally.stations));
+    text.push_str(&services(&tally.stations));
     let _ =
         writeln!(text, "\n{:<24} {:>4} {:>8} {:<8} when", "finding", "who", "count", "severity");
     for finding in sorted(&tally.findings) {
@@ -196,6 +199,36 @@ fn measured(buses: &[Bus]) -> String {
     }
     if !text.is_empty() {
         text.push('\n');
+    }
+    text
+}
+
+/// Where stations were; nothing where no record told a position. A String takes any text.
+fn positions(stations: &[StationTally]) -> String {
+    let mut text = String::new();
+    for (station, it) in stations.iter().filter_map(|it| Some((it, it.positions?))) {
+        if text.is_empty() {
+            text.push_str("\nbus       who      first     lowest    highest       last\n");
+        }
+        let (bus, who) = (clean(&station.bus), station.station);
+        let Positions { first, lowest, highest, last, .. } = it;
+        let _ =
+            writeln!(text, "{bus:<8} {who:>4} {first:>10} {lowest:>10} {highest:>10} {last:>10}");
+    }
+    text
+}
+
+/// What stations were asked for; nothing where the protocol has no services.
+fn services(stations: &[StationTally]) -> String {
+    let mut text = String::new();
+    for station in stations {
+        for (name, count) in &station.services {
+            if text.is_empty() {
+                text.push_str("\nbus       who    count service\n");
+            }
+            let (bus, who) = (clean(&station.bus), station.station);
+            let _ = writeln!(text, "{bus:<8} {who:>4} {count:>8} {}", clean(name));
+        }
     }
     text
 }
@@ -278,6 +311,14 @@ fn bus_json(bus: &Bus) -> Value {
             "evidence": conclusion.evidence,
         })).collect::<Vec<_>>(),
     });
+    if counts.cycles > 0 {
+        object["cycles"] = counts.cycles.into();
+        object["damaged_cycles"] = counts.bad_cycles.into();
+    }
+    let settings = bus.settings();
+    if let Some(protocol) = bus.protocol().filter(|_| !settings.is_empty()) {
+        object[protocol.name] = json!({ "profile": profile_json(settings) });
+    }
     if counts.frames > 0 {
         let load = bus.load();
         let share = |permille: Option<u16>| permille.map(|load| f64::from(load) / 1_000.0);
@@ -288,6 +329,16 @@ fn bus_json(bus: &Bus) -> Value {
         object["peak_load"] = share(load.and_then(|load| load.peak())).into();
     }
     object
+}
+
+/// The answers to what the protocol leaves open about its line: dots in keys separate objects.
+fn profile_json(settings: Vec<Setting>) -> Value {
+    let mut profile = json!({});
+    for Setting { key, value, origin, evidence } in settings {
+        let place = key.split('.').fold(&mut profile, |object, part| &mut object[part]);
+        *place = json!({ "value": value, "origin": origin.name(), "evidence": evidence });
+    }
+    profile
 }
 
 fn station_json(station: &StationTally) -> Value {
@@ -302,6 +353,20 @@ fn station_json(station: &StationTally) -> Value {
         "rate_per_s": rate(station),
         "response_time_ns": times,
     });
+    if let Some(Positions { first, lowest, highest, last, moved }) = station.positions {
+        let moved_ns = moved.and_then(|time| time.ns());
+        object["position"] = json!({
+            "first": first, "lowest": lowest, "highest": highest, "last": last,
+            "moved_ns": moved_ns,
+        });
+    }
+    if !station.services.is_empty() {
+        let services = station.services.iter();
+        object["services"] = services
+            .map(|(name, count)| (name.clone(), (*count).into()))
+            .collect::<Map<_, _>>()
+            .into();
+    }
     add_period(&mut object, station.period);
     object
 }

@@ -52,7 +52,11 @@ impl<W: Write> Candump<W> {
                 });
             }
             Heard::Lost(loss) => self.compose_loss(&record.bus.name, loss.count),
-            Heard::Characters(_) | Heard::Row(_) | Heard::Break(_) | Heard::Nothing => {
+            Heard::Characters(_)
+            | Heard::Row(_)
+            | Heard::Cycle(_)
+            | Heard::Break(_)
+            | Heard::Nothing => {
                 return Ok(());
             }
         }

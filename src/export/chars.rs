@@ -42,7 +42,9 @@ impl<W: Write> Chars<W> {
                 characters.iter().try_for_each(|character| self.write_character(character))
             }
             Heard::Break(event) => self.write_line(event.start, 0, "break"),
-            Heard::Lost(_) | Heard::Nothing | Heard::Frame(_) | Heard::Row(_) => Ok(()),
+            Heard::Lost(_) | Heard::Nothing | Heard::Frame(_) | Heard::Row(_) | Heard::Cycle(_) => {
+                Ok(())
+            }
         }
     }
 

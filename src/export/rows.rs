@@ -29,8 +29,9 @@ impl<W: Write> Rows<W> {
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
         match record.heard {
             Heard::Row(row) => self.write_row(row, record),
-            // What was concluded is concluded anew from the rows.
-            Heard::Nothing | Heard::Lost(_) => Ok(()),
+            // What was concluded is concluded anew from the rows; what a cycle carried for a device
+            // is a row of its own.
+            Heard::Nothing | Heard::Lost(_) | Heard::Cycle(_) => Ok(()),
             Heard::Characters(_) | Heard::Frame(_) | Heard::Break(_) => {
                 Err(refused(record, "is no ring whose words were logged"))
             }

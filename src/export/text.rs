@@ -7,7 +7,6 @@ use crate::terminal::push_clean;
 use anstyle::{AnsiColor, Style};
 use dissectors::event::Moment;
 use dissectors::finding::{Finding, Severity, Span};
-use dissectors::interbus::Row;
 use dissectors::protocol::Medium;
 use dissectors::record::{Heard, Record, Sink};
 use dissectors::uart::{Character, Parity};
@@ -104,7 +103,10 @@ impl<W: Write> Text<W> {
         }
         match record.heard {
             Heard::Frame(frame) => write_frame(frame, sentence),
-            Heard::Row(row) => write_words(row, sentence),
+            Heard::Row(row) => write_words(row.bytes(), sentence),
+            Heard::Cycle(cycle) => {
+                cycle.frames().take(1).for_each(|frame| write_words(frame.bytes(), sentence));
+            }
             _ => {}
         }
         let width = self.bytes;
@@ -269,8 +271,8 @@ const fn mark(severity: Severity) -> char {
 }
 
 /// The words of a row, in fours of hex digits.
-fn write_words(row: &Row, text: &mut String) {
-    for (index, word) in row.bytes().chunks(2).enumerate() {
+fn write_words(bytes: &[u8], text: &mut String) {
+    for (index, word) in bytes.chunks(2).enumerate() {
         text.push_str(if index == 0 { "" } else { " " });
         word.iter().for_each(|byte| {
             // A String takes any text.

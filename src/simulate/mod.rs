@@ -14,9 +14,11 @@
 
 mod chance;
 pub mod devicenet;
+pub mod interbus;
 mod level;
 mod motion;
 mod order;
+mod pcapng;
 mod samples;
 pub mod slin;
 mod sr;
@@ -25,7 +27,7 @@ mod vcd;
 
 pub use motion::Motion;
 pub use order::Orderable;
-pub use samples::Sampler;
+pub use samples::{Sampler, Samples};
 pub use sr::Sr;
 pub use time::{MS, Ps, seconds};
 pub use vcd::Vcd;

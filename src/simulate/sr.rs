@@ -1,7 +1,7 @@
 //! `.sr`: a sigrok session of version 2, with the samples in pieces of 4 MiB as libsigrok writes
 //! them.
 
-use super::samples::{Samples, rate_in_words};
+use super::samples::{Levels, Samples, rate_in_words};
 use anyhow::{Context, Result};
 use std::io::{Seek, Write};
 use zip::ZipWriter;
@@ -18,17 +18,20 @@ pub struct Sr<W: Write + Seek> {
 }
 
 impl<W: Write + Seek> Sr<W> {
-    /// Begins a session with one channel.
+    /// Begins a session with these channels, eight at most.
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn new(out: W, channel: &str, rate: u64) -> Result<Self> {
+    pub fn new(out: W, channels: &[&str], rate: u64) -> Result<Self> {
         let mut session =
             Sr { archive: ZipWriter::new(out), piece: Vec::with_capacity(PIECE), pieces: 0 };
+        let probes = (1..).zip(channels).map(|(probe, name)| format!("probe{probe}={name}\n"));
         let metadata = format!(
             "[global]\nsigrok version=0.5.2\n\n[device 1]\ncapturefile=logic-1\n\
-             total probes=1\nsamplerate={}\ntotal analog=0\nprobe1={channel}\nunitsize=1\n",
-            rate_in_words(rate)
+             total probes={}\nsamplerate={}\ntotal analog=0\n{}unitsize=1\n",
+            channels.len(),
+            rate_in_words(rate),
+            probes.collect::<String>()
         );
         session.add("version", b"2")?;
         session.add("metadata", metadata.as_bytes())?;
@@ -55,11 +58,11 @@ impl<W: Write + Seek> Sr<W> {
 }
 
 impl<W: Write + Seek> Samples for Sr<W> {
-    fn run(&mut self, level: bool, mut samples: u64) -> Result<()> {
+    fn run(&mut self, levels: Levels, mut samples: u64) -> Result<()> {
         while samples > 0 {
             let room = PIECE - self.piece.len();
             let now = usize::try_from(samples).map_or(room, |samples| samples.min(room));
-            self.piece.resize(self.piece.len() + now, u8::from(level));
+            self.piece.resize(self.piece.len() + now, levels);
             samples -= now as u64;
             if self.piece.len() == PIECE {
                 self.add_piece()?;
@@ -68,7 +71,7 @@ impl<W: Write + Seek> Samples for Sr<W> {
         Ok(())
     }
 
-    fn end(mut self) -> Result<()> {
+    fn end(mut self: Box<Self>) -> Result<()> {
         if !self.piece.is_empty() {
             self.add_piece()?;
         }
@@ -85,9 +88,9 @@ mod tests {
     #[test]
     fn samples_are_split_into_pieces() {
         let mut file = Cursor::new(Vec::new());
-        let mut session = Sr::new(&mut file, "BUS", 4_000_000).unwrap();
-        session.run(true, PIECE as u64 - 1).unwrap();
-        session.run(false, 3).unwrap();
+        let mut session = Box::new(Sr::new(&mut file, &["BUS"], 4_000_000).unwrap());
+        session.run(1, PIECE as u64 - 1).unwrap();
+        session.run(0, 3).unwrap();
         session.end().unwrap();
         let mut archive = zip::ZipArchive::new(file).unwrap();
         let mut member = |name: &str| {
@@ -96,7 +99,9 @@ mod tests {
             bytes
         };
         assert_eq!(member("version"), b"2");
-        assert!(String::from_utf8(member("metadata")).unwrap().contains("samplerate=4 MHz\n"));
+        let metadata = String::from_utf8(member("metadata")).unwrap();
+        assert!(metadata.contains("total probes=1\nsamplerate=4 MHz\n"));
+        assert!(metadata.contains("probe1=BUS\nunitsize=1\n"));
         assert_eq!(member("logic-1-1").len(), PIECE);
         assert_eq!(member("logic-1-1")[PIECE - 2..], [1, 0]);
         assert_eq!(member("logic-1-2"), [0, 0]);

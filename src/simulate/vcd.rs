@@ -1,6 +1,6 @@
 //! VCD as sigrok writes it: time and value on one line.
 
-use super::samples::{Samples, rate_in_words};
+use super::samples::{Levels, Samples, rate_in_words};
 use anyhow::Result;
 use std::io::Write;
 
@@ -11,26 +11,37 @@ pub struct Vcd<W> {
     /// Ticks of the time scale in a second.
     scale: u64,
     samples: u64,
-    level: Option<bool>,
+    wires: usize,
+    levels: Option<Levels>,
+}
+
+/// The sign that stands for a wire: `!`, `"`, `#` …
+fn sign(wire: usize) -> char {
+    char::from(b'!' + wire as u8)
 }
 
 impl<W: Write> Vcd<W> {
-    /// Begins a capture with one channel.
+    /// Begins a capture with these channels, eight at most.
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn new(mut out: W, channel: &str, rate: u64) -> Result<Self> {
+    pub fn new(mut out: W, channels: &[&str], rate: u64) -> Result<Self> {
         let scale = scale(rate);
+        let wires = channels.len();
+        let declared = channels.iter().enumerate();
+        let declared =
+            declared.map(|(wire, name)| format!("$var wire 1 {} {name} $end\n", sign(wire)));
         // A date that never changes: the same seed makes the same file.
         write!(
             out,
-            "$date Thu Jan  1 00:00:00 2026 $end\n$version libsigrok 0.5.2 $end\n$comment\n  Acquisition with 1/1 channels at {}\n\
+            "$date Thu Jan  1 00:00:00 2026 $end\n$version libsigrok 0.5.2 $end\n$comment\n  Acquisition with {wires}/{wires} channels at {}\n\
              $end\n$timescale {} $end\n$scope module libsigrok $end\n\
-             $var wire 1 ! {channel} $end\n$upscope $end\n$enddefinitions $end\n",
+             {}$upscope $end\n$enddefinitions $end\n",
             rate_in_words(rate),
-            tick_in_words(scale)
+            tick_in_words(scale),
+            declared.collect::<String>()
         )?;
-        Ok(Vcd { out, rate, scale, samples: 0, level: None })
+        Ok(Vcd { out, rate, scale, samples: 0, wires, levels: None })
     }
 
     fn ticks(&self) -> u128 {
@@ -54,16 +65,23 @@ fn tick_in_words(scale: u64) -> String {
 }
 
 impl<W: Write> Samples for Vcd<W> {
-    fn run(&mut self, level: bool, samples: u64) -> Result<()> {
-        if self.level != Some(level) {
-            writeln!(self.out, "#{} {}!", self.ticks(), u8::from(level))?;
-            self.level = Some(level);
+    fn run(&mut self, levels: Levels, samples: u64) -> Result<()> {
+        let changed = self.levels.map_or(Levels::MAX, |before| before ^ levels);
+        let is_new = |wire: &usize| changed >> wire & 1 == 1;
+        let wires: Vec<usize> = (0..self.wires).filter(is_new).collect();
+        if !wires.is_empty() {
+            write!(self.out, "#{}", self.ticks())?;
+            for wire in wires {
+                write!(self.out, " {}{}", levels >> wire & 1, sign(wire))?;
+            }
+            writeln!(self.out)?;
         }
+        self.levels = Some(levels);
         self.samples += samples;
         Ok(())
     }
 
-    fn end(mut self) -> Result<()> {
+    fn end(mut self: Box<Self>) -> Result<()> {
         writeln!(self.out, "#{}", self.ticks())?;
         self.out.flush()?;
         Ok(())
@@ -88,9 +106,9 @@ mod tests {
     #[test]
     fn changes_stand_on_one_line_and_the_end_alone() {
         let mut out = Vec::new();
-        let mut vcd = Vcd::new(&mut out, "BUS", 4_000_000).unwrap();
-        for (level, samples) in [(true, 4), (false, 2), (false, 2), (true, 8)] {
-            vcd.run(level, samples).unwrap();
+        let mut vcd = Box::new(Vcd::new(&mut out, &["BUS"], 4_000_000).unwrap());
+        for (levels, samples) in [(1, 4), (0, 2), (0, 2), (1, 8)] {
+            vcd.run(levels, samples).unwrap();
         }
         vcd.end().unwrap();
         let text = String::from_utf8(out).unwrap();
@@ -98,5 +116,18 @@ mod tests {
         assert!(head.contains("$var wire 1 ! BUS $end\n"));
         // 4 samples are 1000 ns: 100 ticks.
         assert_eq!(changes, "#0 1!\n#100 0!\n#200 1!\n#400\n");
+    }
+
+    #[test]
+    fn of_several_wires_those_that_changed_are_told() {
+        let mut out = Vec::new();
+        let mut vcd = Box::new(Vcd::new(&mut out, &["DO", "DI"], 1_000_000).unwrap());
+        for (levels, samples) in [(0b11, 1), (0b10, 1), (0b01, 1)] {
+            vcd.run(levels, samples).unwrap();
+        }
+        vcd.end().unwrap();
+        let text = String::from_utf8(out).unwrap();
+        assert!(text.contains("$var wire 1 ! DO $end\n$var wire 1 \" DI $end\n"));
+        assert!(text.ends_with("#0 1! 1\"\n#1 0!\n#2 1! 0\"\n#3\n"));
     }
 }

@@ -70,6 +70,8 @@ fn heard(event: &Event<'_>) -> String {
             let words: Vec<String> = frames.iter().map(frame).collect();
             words.join(", ")
         }
+        // Lines make them, no source does.
+        Event::Cycle(_) | Event::Silence(_) => String::new(),
         Event::Levels(levels) => format!(
             "{} from {} {:?} until {}",
             if levels.level { "high" } else { "low" },

@@ -154,6 +154,17 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
     assert_eq!(simulate(&["-o", "/nowhere/x.chars"]).status, 3);
 }
 
+/// A capture bears its name once all of it is written, and the truth as well.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_fails_leaves_what_was_there() {
+    let scratch = Scratch::new();
+    let capture = scratch.file("bus.chars", "as before");
+    let failed = simulate(&["-o", argument(&capture), "--truth", "/dev/full"]);
+    assert_eq!(failed.status, 3, "{}", failed.stderr);
+    assert_eq!(fs::read_to_string(&capture).unwrap(), "as before");
+}
+
 #[test]
 fn faults_are_listed_with_their_codes() {
     let text = simulate(&["--list-faults"]).good().stdout;
@@ -208,4 +219,52 @@ fn a_devicenet_bus_that_cannot_be_is_refused() {
         assert!(refused.stderr.contains(reason), "{options:?}: {}", refused.stderr);
         assert!(refused.stdout.is_empty() && !Path::new("x.log").exists());
     }
+}
+
+fn simulate_interbus(arguments: &[&str]) -> Run {
+    fieldtap(["simulate", "interbus"].iter().chain(arguments))
+}
+
+#[test]
+fn a_ring_that_cannot_be_is_refused() {
+    for (options, reason) in [
+        (&["-o", "x.mp3"][..], "names no form"),
+        (&["-o", "x.csv", "--ring", "0133"], "name an la66"),
+        (&["-o", "x.csv", "--ring", "0833"], "whole bytes"),
+        (&["-o", "x.csv", "--rows", "50"], "50ms"),
+        (&["-o", "x.csv", "--fault", "crc"], "only line levels"),
+        (&["-o", "x.csv", "--random-profile", "1"], "line levels"),
+        (&["-o", "x.csv", "--inverted"], "line levels"),
+        (&["-o", "x.csv", "--fault", "withdrawn@2"], "no encoder"),
+        (&["-o", "x.sr", "--bitrate", "2M"], "8 samples a bit"),
+        (&["-o", "-", "--output-format", "sr"], "name a file"),
+        (&["-o", "x.sr", "--profile-file", "/nowhere.toml"], "/nowhere.toml"),
+    ] {
+        let refused = simulate_interbus(options);
+        assert_eq!(refused.status, 2, "{options:?}");
+        assert!(refused.stderr.contains(reason), "{options:?}: {}", refused.stderr);
+        assert!(refused.stdout.is_empty() && !Path::new("x.csv").exists());
+    }
+}
+
+/// A profile as a file gives the line that it describes.
+#[test]
+fn a_line_is_coded_as_its_profile_says() {
+    let scratch = Scratch::new();
+    let profile = "data_bit_order = \"lsb\"\nidle_level = 0\nlbw = { value = \"1234\", mask = \"FFFF\" }\n\
+                   flag_order = [\"TYPE\", \"CR\", \"SL\"]\n[crc]\ninit = \"5A5A\"\nrefin = true\n";
+    let profile = scratch.file("profile.toml", profile);
+    let (dump, truth) = (scratch.path("line.vcd"), scratch.path("truth"));
+    let files = ["-q", "-o", argument(&dump), "--truth", argument(&truth)];
+    let options = ["--profile-file", argument(&profile), "--cycle", "0.5", "--duration", "0.005"];
+    simulate_interbus(&[&files[..], &options].concat()).good();
+    let text = fs::read_to_string(&truth).unwrap();
+    let lines: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let told = &lines[0]["bus"]["profile"];
+    assert_eq!(told["flag_order"], json!(["TYPE", "CR", "SL"]));
+    assert_eq!((&told["crc"]["init"], &told["crc"]["refin"]), (&json!("5A5A"), &json!(true)));
+    assert!(lines[1]["do"].as_str().unwrap().starts_with("1234"));
+    // Idle is low on both wires.
+    assert!(fs::read_to_string(&dump).unwrap().contains("$enddefinitions $end\n#0 0! 0\"\n"));
 }

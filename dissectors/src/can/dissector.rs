@@ -19,6 +19,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &codes::CODES,
     limits: &[],
     medium: Medium::Can,
+    wires: &[],
     speaks: |_| Speaks::Yes(String::from("nothing speaks for another protocol")),
     dissector: |wire, _| Box::new(Can::new(wire)),
 };
@@ -194,6 +195,8 @@ impl Dissector for Can {
             }
             Event::Characters(_)
             | Event::Rows(_)
+            | Event::Cycle(_)
+            | Event::Silence(_)
             | Event::Break(_)
             | Event::Advance(_)
             | Event::Levels(_) => {}

@@ -265,7 +265,12 @@ impl Dissector for DeviceNet {
             }
             Event::Lost(loss) => self.lose(bus, loss, out),
             Event::Advance(now) => self.pass(bus, now, out),
-            Event::Characters(_) | Event::Rows(_) | Event::Break(_) | Event::Levels(_) => {}
+            Event::Characters(_)
+            | Event::Rows(_)
+            | Event::Cycle(_)
+            | Event::Silence(_)
+            | Event::Break(_)
+            | Event::Levels(_) => {}
         }
     }
 

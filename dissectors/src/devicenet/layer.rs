@@ -285,7 +285,7 @@ fields! {
             => |t| if t.fragments.is_empty() { Value::Absent } else { Value::List(t) };
         "devicenet.service_code" (Kind::Int(0, 127), "", Plain) "service without the R/R bit"
             => |t| t.facts.service.map(|service| i64::from(service.code)).into();
-        "devicenet.service" (Kind::Text, "", Plain) "name of the service"
+        "devicenet.service" (Kind::Text, "", Service) "name of the service"
             => |t| t.service_name().into();
         "devicenet.response" (Kind::Bool, "", Plain) "the R/R bit: true in a response"
             => |t| t.facts.service.map_or(Value::Absent, |it| Value::Bool(it.is_response));

@@ -67,6 +67,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &codes::CODES,
     limits: &LIMITS,
     medium: Medium::Can,
+    wires: &[],
     speaks: signature::speaks,
     dissector: |wire, settings| Box::new(DeviceNet::new(wire, settings)),
 };

@@ -255,7 +255,11 @@ impl Dissector for Slin {
                 }
             }
             // Levels are decoded before they come here.
-            Event::Levels(_) | Event::Frames(_) | Event::Rows(_) => {}
+            Event::Levels(_)
+            | Event::Frames(_)
+            | Event::Rows(_)
+            | Event::Cycle(_)
+            | Event::Silence(_) => {}
         }
     }
 

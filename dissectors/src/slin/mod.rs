@@ -8,7 +8,7 @@
 //!
 //! [`word`] parses telegrams, [`checksum`] knows the readings of the manuals, [`profile`] what is
 //! expected and learned. [`Slin`] puts characters into exchanges, by the rules of `grammar`; the
-//! `ledger` judges them (`judge`, `station`, `motion`) and tells them as records (`telegram`).
+//! `ledger` judges them (`judge`, `station`) and tells them as records (`telegram`).
 
 pub mod checksum;
 pub mod codes;
@@ -17,7 +17,6 @@ mod exchange;
 mod grammar;
 mod judge;
 mod ledger;
-mod motion;
 mod outlet;
 pub mod profile;
 mod signature;
@@ -41,6 +40,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &codes::CODES,
     limits: &[],
     medium: Medium::Serial,
+    wires: &[],
     speaks,
     dissector: |wire, settings| Box::new(Slin::new(wire, settings)),
 };

@@ -2,10 +2,10 @@
 
 use super::codes;
 use super::judge::Verdict;
-use super::motion::Motion;
 use crate::event::Moment;
 use crate::finding::{Finding, State};
-use crate::station::Resolution;
+use crate::motion::Motion;
+use crate::station::{MAX_POSITION_BITS, Resolution};
 
 /// Answers that the search for two encoders with one address looks back on.
 const RECENT_ANSWERS: u32 = 10;
@@ -48,7 +48,7 @@ impl Station {
             silent_since: Moment::UNKNOWN,
             asked: Moment::UNKNOWN,
             double_footers: 0,
-            motion: Motion::new(resolution.map(Resolution::positions)),
+            motion: Motion::new(MAX_POSITION_BITS.into(), resolution.map(Resolution::positions)),
             torn: 0,
             answers: 0,
             is_told_torn: false,

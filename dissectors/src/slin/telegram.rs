@@ -210,10 +210,12 @@ impl Layer for Telegram<'_> {
             Heard::Break(_) | Heard::Lost(_) => {
                 record.findings.iter().try_for_each(|finding| finding.say(record, out))
             }
-            Heard::Nothing | Heard::Frame(_) | Heard::Row(_) => match record.findings.first() {
-                Some(finding) => finding.say(record, out),
-                None => write!(out, "nothing"),
-            },
+            Heard::Nothing | Heard::Frame(_) | Heard::Row(_) | Heard::Cycle(_) => {
+                match record.findings.first() {
+                    Some(finding) => finding.say(record, out),
+                    None => write!(out, "nothing"),
+                }
+            }
             Heard::Characters(_) if record.kind == REQUEST => {
                 write!(out, "master asks ")?;
                 self.who(out)

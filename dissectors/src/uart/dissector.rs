@@ -18,6 +18,7 @@ pub static PROTOCOL: Protocol = Protocol {
     codes: &super::CODES,
     limits: &[],
     medium: Medium::Serial,
+    wires: &[],
     speaks: |_| Speaks::Yes(String::from("nothing speaks for another protocol")),
     dissector: |wire, _| Box::new(Uart::new(wire)),
 };
@@ -125,7 +126,12 @@ impl Dissector for Uart {
             Event::Lost(loss) => {
                 out.emit(blank.of_loss(loss));
             }
-            Event::Advance(_) | Event::Levels(_) | Event::Frames(_) | Event::Rows(_) => {}
+            Event::Advance(_)
+            | Event::Levels(_)
+            | Event::Frames(_)
+            | Event::Rows(_)
+            | Event::Cycle(_)
+            | Event::Silence(_) => {}
         }
     }
 

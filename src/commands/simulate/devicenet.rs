@@ -1,36 +1,25 @@
 //! `simulate devicenet`: a scanner and absolute encoders on CAN.
 
+use super::destination::{self, Destination, Files, Form as _, Levels};
 use super::{
-    NEW_YEAR, channel, create, duration, end, file, frequency, milliseconds, number, refuse, speed,
+    NEW_YEAR, channel, duration, end, list_faults, milliseconds, number, refuse, speed, tell,
 };
 use crate::say;
 use crate::simulate::devicenet::{
     self, Candump, Fault, Mode, Order, Pcapng, Plan, STEPS_PER_TURN, Station, Summary,
     TOTAL_RESOLUTION, Tap, mac,
 };
-use crate::simulate::{MS, Motion, Orderable, Ps, Sampler, Sr, Vcd, seconds};
+use crate::simulate::{MS, Motion, Orderable, Ps};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use std::ffi::OsStr;
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// A DeviceNet bus, and where to write it.
 #[derive(Args, Debug)]
 pub struct Devicenet {
-    /// Where to write the capture: a file, or - for standard output. The ending names the form:
-    /// .log (candump), .pcapng, .sr, .vcd
-    #[arg(short, long, value_name = "FILE", required_unless_present = "list_faults")]
-    output: Option<PathBuf>,
-
-    /// Form of the capture, instead of what the ending says.
-    #[arg(long, value_name = "FORM")]
-    output_format: Option<Form>,
-
-    /// Write what was sent and what must be found, as JSON Lines.
-    #[arg(long, value_name = "FILE")]
-    truth: Option<PathBuf>,
+    /// Where to write it.
+    #[command(flatten)]
+    destination: Destination<Form>,
 
     /// What every chance follows from: the same seed makes the same bus, for ever.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -43,10 +32,6 @@ pub struct Devicenet {
     /// Begin when everybody is at work, in the middle of the traffic.
     #[arg(long)]
     late_start: bool,
-
-    /// Say less: only errors on standard error.
-    #[arg(short, long)]
-    quiet: bool,
 
     /// MAC IDs of the encoders.
     #[arg(long, visible_alias = "nodes", value_name = "LIST", value_delimiter = ',', default_value = "5,7,23", value_parser = mac, help_heading = "Bus")]
@@ -132,14 +117,6 @@ pub struct Devicenet {
     #[arg(long, help_heading = "Faults")]
     list_faults: bool,
 
-    /// Sample rate of line levels, such as 4M or 500k.
-    #[arg(long, value_name = "HZ", default_value = "4M", value_parser = frequency, help_heading = "Capture")]
-    samplerate: u64,
-
-    /// Write line levels upside down.
-    #[arg(long, help_heading = "Capture")]
-    inverted: bool,
-
     /// Name of the interface or channel. Default: can0, or CAN_RX for line levels.
     #[arg(long, value_name = "NAME", value_parser = channel, help_heading = "Capture")]
     channel: Option<String>,
@@ -163,6 +140,18 @@ enum Form {
     Vcd,
 }
 
+impl destination::Form for Form {
+    const ENDINGS: &'static str = ".log, .pcapng, .sr or .vcd";
+
+    fn levels(&self) -> Option<Levels> {
+        match self {
+            Form::Sr => Some(Levels::Sr),
+            Form::Vcd => Some(Levels::Vcd),
+            _ => None,
+        }
+    }
+}
+
 /// Something of one encoder or of all.
 #[derive(Clone, Copy, Debug)]
 struct Of<T> {
@@ -180,29 +169,20 @@ impl Devicenet {
     /// Writes the capture.
     pub fn run(&self) -> ExitCode {
         if self.list_faults {
-            return list_faults();
+            return list_faults(|fault: &Fault| fault.code());
         }
         let plan = match self.plan() {
             Ok(plan) => plan,
             Err(error) => return refuse(&error),
         };
         end(self.write(plan), |summary| {
-            if !self.quiet {
-                tell(&summary);
+            if !self.destination.quiet {
+                tell(&format!("{} frames", summary.frames), summary.duration, &summary.faults);
+                for name in &summary.missing {
+                    say!("{name} never struck: give it more time, or a higher probability");
+                }
             }
         })
-    }
-
-    fn form(&self) -> Result<Form> {
-        if let Some(form) = self.output_format {
-            return Ok(form);
-        }
-        let ending = self.output.as_deref().and_then(Path::extension).and_then(OsStr::to_str);
-        let form = ending.and_then(|ending| Form::from_str(ending, true).ok());
-        form.context(
-            "the output's ending names no form: name it .log, .pcapng, .sr or .vcd, or say \
-             --output-format",
-        )
     }
 
     fn plan(&self) -> Result<Plan> {
@@ -236,8 +216,8 @@ impl Devicenet {
 
     /// Refuses what the form cannot hold.
     fn check_form(&self, faults: &[Order]) -> Result<()> {
-        let form = self.form()?;
-        let is_levels = matches!(form, Form::Sr | Form::Vcd);
+        let form = self.destination.form()?;
+        let is_levels = form.levels().is_some();
         for Order { fault, .. } in faults {
             let name = fault.name();
             ensure!(
@@ -249,18 +229,7 @@ impl Devicenet {
                 "{name}: only pcapng can say that bytes are missing"
             );
         }
-        ensure!(!self.inverted || is_levels, "--inverted is for line levels: write .sr or .vcd");
-        ensure!(
-            !is_levels || self.samplerate >= 2 * u64::from(self.bitrate),
-            "--samplerate is too low for {} bit/s: take 2 samples a bit at least",
-            self.bitrate
-        );
-        let is_stdout = self.output.as_deref() == Some(Path::new("-"));
-        ensure!(
-            !is_stdout || form != Form::Sr,
-            ".sr cannot be written to standard output: name a file"
-        );
-        Ok(())
+        self.destination.check(self.bitrate, "bit/s", 2)
     }
 
     fn stations(&self) -> Result<Vec<Station>> {
@@ -281,59 +250,33 @@ impl Devicenet {
     }
 
     fn write(&self, plan: Plan) -> Result<Summary> {
-        let start = match self.form()? {
+        let start = match self.destination.form()? {
             Form::Log | Form::Pcapng => self.start_time.unwrap_or(NEW_YEAR),
             Form::Sr | Form::Vcd => 0,
         };
-        let truth = self.truth.as_deref().map(create).transpose()?;
-        let tap = self.tap(start)?;
+        let files = self.destination.open()?;
+        let tap = self.tap(&files, start)?;
         let start_ns = i64::from(start) * 1_000_000_000;
-        devicenet::run(plan, tap, truth, start_ns)
-            .with_context(|| format!("cannot write {}", self.output().display()))
+        let summary = devicenet::run(plan, tap, files.truth()?, start_ns)
+            .with_context(|| format!("cannot write {}", self.destination.path().display()))?;
+        files.keep()?;
+        Ok(summary)
     }
 
-    fn tap(&self, start: u32) -> Result<Box<dyn Tap>> {
-        let path = self.output();
-        let rate = self.samplerate;
+    fn tap(&self, files: &Files, start: u32) -> Result<Box<dyn Tap>> {
         let interface = self.channel.as_deref().unwrap_or("can0");
         let channel = self.channel.as_deref().unwrap_or("CAN_RX");
-        Ok(match self.form()? {
-            Form::Log => Box::new(Candump::new(create(path)?, interface, start)),
-            Form::Pcapng => Box::new(Pcapng::new(create(path)?, interface, self.bitrate, start)?),
-            Form::Sr => {
-                let session = Sr::new(BufWriter::new(file(path)?), channel, rate)?;
-                Box::new(Sampler::new(rate, self.inverted, session))
+        Ok(match self.destination.form()? {
+            Form::Log => Box::new(Candump::new(files.capture()?, interface, start)),
+            Form::Pcapng => {
+                Box::new(Pcapng::new(files.capture()?, interface, self.bitrate, start)?)
             }
+            Form::Sr => Box::new(self.destination.sampler(files, Levels::Sr, &[channel], false)?),
             Form::Vcd => {
-                let dump = Vcd::new(create(path)?, channel, rate)?;
-                Box::new(Sampler::new(rate, self.inverted, dump))
+                Box::new(self.destination.sampler(files, Levels::Vcd, &[channel], false)?)
             }
         })
     }
-
-    fn output(&self) -> &Path {
-        self.output.as_deref().unwrap_or(Path::new("-"))
-    }
-}
-
-fn tell(summary: &Summary) {
-    let duration = summary.duration as f64 / seconds(1.0) as f64;
-    let faults: Vec<String> =
-        summary.faults.iter().map(|(name, times)| format!("{times} x {name}")).collect();
-    let faults = if faults.is_empty() { "no fault".to_owned() } else { faults.join(", ") };
-    say!("{} frames in {duration:.3} s: {faults}", summary.frames);
-    for name in &summary.missing {
-        say!("{name} never struck: give it more time, or a higher probability");
-    }
-}
-
-fn list_faults() -> ExitCode {
-    let mut out = io::stdout().lock();
-    for fault in Fault::value_variants() {
-        // Who closes the pipe has read enough.
-        let _ = writeln!(out, "{:24} {:34} {}", fault.name(), fault.code(), fault.meaning());
-    }
-    ExitCode::SUCCESS
 }
 
 fn of_one<T>(text: &str, what: impl Fn(&str) -> Result<T, String>) -> Result<Of<T>, String> {

@@ -1,17 +1,19 @@
 //! `simulate`: write a bus with chosen faults as a capture.
 
+mod destination;
 mod devicenet;
+mod interbus;
 mod slin;
 
 use crate::say;
-use crate::simulate::{MS, Ps, seconds};
-use anyhow::{Context, Result};
+use crate::simulate::{MS, Orderable, Ps, seconds};
+use anyhow::Result;
 use clap::{Args, Subcommand};
 use devicenet::Devicenet;
+use interbus::Interbus;
 use slin::Slin;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 /// Which bus to simulate.
@@ -29,6 +31,8 @@ pub enum Bus {
     Slin(Box<Slin>),
     /// A scanner and absolute encoders on CAN.
     Devicenet(Box<Devicenet>),
+    /// Linear encoders and other devices in an INTERBUS ring.
+    Interbus(Box<Interbus>),
 }
 
 /// 2026-01-01 00:00:00 UTC.
@@ -39,6 +43,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match &arguments.bus {
         Bus::Slin(slin) => slin.run(),
         Bus::Devicenet(devicenet) => devicenet.run(),
+        Bus::Interbus(interbus) => interbus.run(),
     }
 }
 
@@ -63,15 +68,23 @@ fn end<S>(written: Result<S>, tell: impl FnOnce(S)) -> ExitCode {
     }
 }
 
-fn file(path: &Path) -> Result<File> {
-    File::create(path).with_context(|| format!("cannot create {}", path.display()))
+/// Says what took place, such as `60 exchanges`, and how often each fault struck.
+fn tell(what: &str, duration: Ps, faults: &BTreeMap<String, u64>) {
+    let duration = duration as f64 / seconds(1.0) as f64;
+    let faults: Vec<String> =
+        faults.iter().map(|(name, times)| format!("{times} x {name}")).collect();
+    let faults = if faults.is_empty() { "no fault".to_owned() } else { faults.join(", ") };
+    say!("{what} in {duration:.3} s: {faults}");
 }
 
-fn create(path: &Path) -> Result<Box<dyn Write>> {
-    if path == Path::new("-") {
-        return Ok(Box::new(BufWriter::new(io::stdout())));
+/// Lists the faults of a bus, with the finding that each must raise.
+fn list_faults<F: Orderable>(code: impl Fn(&F) -> &'static str) -> ExitCode {
+    let mut out = io::stdout().lock();
+    for fault in F::value_variants() {
+        // Who closes the pipe has read enough.
+        let _ = writeln!(out, "{:24} {:34} {}", fault.name(), code(fault), fault.meaning());
     }
-    Ok(Box::new(BufWriter::new(file(path)?)))
+    ExitCode::SUCCESS
 }
 
 fn is_closed_pipe(error: &anyhow::Error) -> bool {

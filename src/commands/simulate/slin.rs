@@ -1,36 +1,24 @@
 //! `simulate slin`: absolute encoders on RS485.
 
+use super::destination::{self, Destination, Files, Form as _, Levels};
 use super::{
-    NEW_YEAR, channel, create, duration, end, file, frequency, milliseconds, percent, refuse, speed,
+    NEW_YEAR, channel, duration, end, list_faults, milliseconds, percent, refuse, speed, tell,
 };
-use crate::say;
 use crate::simulate::slin::{
     self, Chars, Checksum, Fault, Length, MAX_BITS, Order, Pcapng, Plan, Profile, Station, Summary,
     Tap, Uart, address,
 };
-use crate::simulate::{Motion, Orderable, Ps, Sampler, Sr, Vcd, seconds};
+use crate::simulate::{Motion, Orderable, Ps};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use std::ffi::OsStr;
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// A SLIN bus, and where to write it.
 #[derive(Args, Debug)]
 pub struct Slin {
-    /// Where to write the capture: a file, or - for standard output. The ending names the form:
-    /// .pcapng, .chars, .sr, .vcd
-    #[arg(short, long, value_name = "FILE", required_unless_present = "list_faults")]
-    output: Option<PathBuf>,
-
-    /// Form of the capture, instead of what the ending says.
-    #[arg(long, value_name = "FORM")]
-    output_format: Option<Form>,
-
-    /// Write what was sent and what must be found, as JSON Lines.
-    #[arg(long, value_name = "FILE")]
-    truth: Option<PathBuf>,
+    /// Where to write it.
+    #[command(flatten)]
+    destination: Destination<Form>,
 
     /// What every chance follows from: the same seed makes the same bus, for ever.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -43,10 +31,6 @@ pub struct Slin {
     /// How long the bus is watched, instead of a number of requests.
     #[arg(long, value_name = "SECONDS", value_parser = duration, conflicts_with = "exchanges")]
     duration: Option<Ps>,
-
-    /// Say less: only errors on standard error.
-    #[arg(short, long)]
-    quiet: bool,
 
     /// Addresses that have an encoder.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0,1,2,3", value_parser = address, help_heading = "Bus")]
@@ -116,14 +100,6 @@ pub struct Slin {
     #[arg(long, help_heading = "Faults")]
     list_faults: bool,
 
-    /// Sample rate of line levels, such as 4M or 500k.
-    #[arg(long, value_name = "HZ", default_value = "4M", value_parser = frequency, help_heading = "Capture")]
-    samplerate: u64,
-
-    /// Write line levels upside down, as a logic analyzer on the other line sees them.
-    #[arg(long, help_heading = "Capture")]
-    inverted: bool,
-
     /// Name of the channel or interface.
     #[arg(long, value_name = "NAME", default_value = "BUS", value_parser = channel, help_heading = "Capture")]
     channel: String,
@@ -147,34 +123,37 @@ enum Form {
     Vcd,
 }
 
+impl destination::Form for Form {
+    const ENDINGS: &'static str = ".pcapng, .chars, .sr or .vcd";
+
+    fn levels(&self) -> Option<Levels> {
+        match self {
+            Form::Sr => Some(Levels::Sr),
+            Form::Vcd => Some(Levels::Vcd),
+            _ => None,
+        }
+    }
+}
+
 impl Slin {
     /// Writes the capture.
     pub fn run(&self) -> ExitCode {
         if self.list_faults {
-            return list_faults();
+            return list_faults(|fault: &Fault| fault.code());
         }
         let plan = match self.plan() {
             Ok(plan) => plan,
             Err(error) => return refuse(&error),
         };
-        let summary = self.write(plan);
-        end(summary, |summary| {
-            if !self.quiet {
-                tell(&summary);
+        end(self.write(plan), |summary| {
+            if !self.destination.quiet {
+                tell(
+                    &format!("{} exchanges", summary.exchanges),
+                    summary.duration,
+                    &summary.faults,
+                );
             }
         })
-    }
-
-    fn form(&self) -> Result<Form> {
-        if let Some(form) = self.output_format {
-            return Ok(form);
-        }
-        let ending = self.output.as_deref().and_then(Path::extension).and_then(OsStr::to_str);
-        let form = ending.and_then(|ending| Form::from_str(ending, true).ok());
-        form.context(
-            "the output's ending names no form: name it .pcapng, .chars, .sr or .vcd, or say \
-             --output-format",
-        )
     }
 
     fn plan(&self) -> Result<Plan> {
@@ -205,8 +184,8 @@ impl Slin {
 
     /// Refuses what the form cannot hold.
     fn check_form(&self) -> Result<()> {
-        let form = self.form()?;
-        let is_levels = matches!(form, Form::Sr | Form::Vcd);
+        let form = self.destination.form()?;
+        let is_levels = form.levels().is_some();
         for Order { fault, .. } in &self.fault {
             ensure!(
                 !fault.is_in_the_tap() || form == Form::Pcapng,
@@ -218,18 +197,7 @@ impl Slin {
                 "wrong-rate: line levels have no rate, write pcapng or chars"
             );
         }
-        ensure!(!self.inverted || is_levels, "--inverted is for line levels: write .sr or .vcd");
-        ensure!(
-            !is_levels || self.samplerate >= 8 * u64::from(self.baud),
-            "--samplerate is too low for {} Bd: take 8 samples a bit at least",
-            self.baud
-        );
-        let is_stdout = self.output.as_deref() == Some(Path::new("-"));
-        ensure!(
-            !is_stdout || form != Form::Sr,
-            ".sr cannot be written to standard output: name a file"
-        );
-        Ok(())
+        self.destination.check(self.baud, "Bd", 8)
     }
 
     fn stations(&self) -> Result<Vec<Station>> {
@@ -254,60 +222,45 @@ impl Slin {
     }
 
     fn write(&self, plan: Plan) -> Result<Summary> {
-        let start = match self.form()? {
+        let start = match self.destination.form()? {
             Form::Pcapng => self.start_time.unwrap_or(NEW_YEAR),
             Form::Chars => self.start_time.unwrap_or(0),
             Form::Sr | Form::Vcd => 0,
         };
-        let truth = self.truth.as_deref().map(create).transpose()?;
-        let tap = self.tap(&plan, start)?;
+        let files = self.destination.open()?;
+        let tap = self.tap(&plan, &files, start)?;
         let start_ns = i64::from(start) * 1_000_000_000;
-        slin::run(plan, tap, truth, start_ns)
-            .with_context(|| format!("cannot write {}", self.output().display()))
+        let summary = slin::run(plan, tap, files.truth()?, start_ns)
+            .with_context(|| format!("cannot write {}", self.destination.path().display()))?;
+        files.keep()?;
+        Ok(summary)
     }
 
-    fn tap(&self, plan: &Plan, start: u32) -> Result<Box<dyn Tap>> {
+    fn tap(&self, plan: &Plan, files: &Files, start: u32) -> Result<Box<dyn Tap>> {
         let setup = plan.tap();
-        let is_inverted = self.inverted != setup.is_swapped;
-        let (channel, rate) = (&self.channel, self.samplerate);
-        let path = self.output();
-        Ok(match self.form()? {
+        Ok(match self.destination.form()? {
             Form::Pcapng => {
-                let capture = Pcapng::new(create(path)?, channel, setup, u64::from(start))?;
+                let capture =
+                    Pcapng::new(files.capture()?, &self.channel, setup, u64::from(start))?;
                 Box::new(Uart::new(setup, capture))
             }
-            Form::Chars => Box::new(Uart::new(setup, Chars::new(create(path)?, i64::from(start))?)),
-            Form::Sr => {
-                let session = Sr::new(BufWriter::new(file(path)?), channel, rate)?;
-                Box::new(Sampler::new(rate, is_inverted, session))
+            Form::Chars => {
+                Box::new(Uart::new(setup, Chars::new(files.capture()?, i64::from(start))?))
             }
-            Form::Vcd => {
-                let dump = Vcd::new(create(path)?, channel, rate)?;
-                Box::new(Sampler::new(rate, is_inverted, dump))
-            }
+            Form::Sr => Box::new(self.destination.sampler(
+                files,
+                Levels::Sr,
+                &[&self.channel],
+                setup.is_swapped,
+            )?),
+            Form::Vcd => Box::new(self.destination.sampler(
+                files,
+                Levels::Vcd,
+                &[&self.channel],
+                setup.is_swapped,
+            )?),
         })
     }
-
-    fn output(&self) -> &Path {
-        self.output.as_deref().unwrap_or(Path::new("-"))
-    }
-}
-
-fn tell(summary: &Summary) {
-    let duration = summary.duration as f64 / seconds(1.0) as f64;
-    let faults: Vec<String> =
-        summary.faults.iter().map(|(name, times)| format!("{times} x {name}")).collect();
-    let faults = if faults.is_empty() { "no fault".to_owned() } else { faults.join(", ") };
-    say!("{} exchanges in {duration:.3} s: {faults}", summary.exchanges);
-}
-
-fn list_faults() -> ExitCode {
-    let mut out = io::stdout().lock();
-    for fault in Fault::value_variants() {
-        // Who closes the pipe has read enough.
-        let _ = writeln!(out, "{:22} {:24} {}", fault.name(), fault.code(), fault.meaning());
-    }
-    ExitCode::SUCCESS
 }
 
 /// A profile, of one encoder or of all.

@@ -97,7 +97,9 @@ impl<W: Write> PcapNg<W> {
         let mut comments = comments(record);
         match record.heard {
             // Of words there is not even an interface.
-            Heard::Nothing | Heard::Row(_) => self.interfaces[interface].pending.extend(comments),
+            Heard::Nothing | Heard::Row(_) | Heard::Cycle(_) => {
+                self.interfaces[interface].pending.extend(comments);
+            }
             Heard::Characters(characters) => {
                 serial::check(characters, record.bus)?;
                 for run in serial::runs(characters, record.wire) {

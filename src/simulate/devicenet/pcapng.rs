@@ -2,20 +2,11 @@
 
 use super::frame::{Frame, Id};
 use super::tap::{ErrorFrame, Heard, Tap, What};
-use crate::simulate::time::{NS, Ps};
-use anyhow::{Context, Result};
-use pcap_file::DataLink;
-use pcap_file::pcapng::PcapNgWriter;
-use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPacketOption};
-use pcap_file::pcapng::blocks::interface_description::{
-    InterfaceDescriptionBlock, InterfaceDescriptionOption, InterfaceTsResolution,
-};
-use pcap_file::pcapng::blocks::interface_statistics::{
-    InterfaceStatisticsBlock, InterfaceStatisticsOption,
-};
-use std::borrow::Cow;
+use crate::simulate::pcapng::{Blocks, Interface};
+use crate::simulate::time::Ps;
+use anyhow::Result;
+use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use std::io::Write;
-use std::time::Duration;
 
 /// LINKTYPE_CAN_SOCKETCAN of the tcpdump registry.
 const CAN_SOCKETCAN: u32 = 227;
@@ -27,9 +18,7 @@ const ERROR: u32 = 0x2000_0000;
 
 /// A capture of this form.
 pub struct Pcapng<W: Write> {
-    out: PcapNgWriter<W>,
-    /// The date, in s since the Unix epoch.
-    start: u64,
+    out: Blocks<W>,
     /// Frames that were missed before the next.
     missed: u64,
 }
@@ -39,40 +28,21 @@ impl<W: Write> Pcapng<W> {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn new(out: W, interface: &str, bitrate: u32, start: u32) -> Result<Self> {
-        let mut out = PcapNgWriter::new(out).context("cannot write the head")?;
-        let mut block = InterfaceDescriptionBlock::new(DataLink::from(CAN_SOCKETCAN), 0);
-        block.options = vec![
-            InterfaceDescriptionOption::IfName(Cow::Borrowed(interface)),
-            InterfaceDescriptionOption::IfSpeed(u64::from(bitrate)),
-            InterfaceDescriptionOption::IfTsResol(InterfaceTsResolution::NANO),
-        ];
-        out.write_pcapng_block(block).context("cannot write the interface")?;
-        Ok(Pcapng { out, start: u64::from(start), missed: 0 })
+    pub fn new(out: W, name: &str, bitrate: u32, start: u32) -> Result<Self> {
+        let interface = Interface { link: CAN_SOCKETCAN, name, rate: bitrate, comment: None };
+        Ok(Pcapng { out: Blocks::new(out, interface, u64::from(start))?, missed: 0 })
     }
 
     /// Identifier big-endian, length, three bytes of zeros, data.
     fn write(&mut self, at: Ps, id: u32, length: u8, data: &[u8], kept: usize) -> Result<()> {
         let head = [&id.to_be_bytes()[..], &[length, 0, 0, 0]].concat();
-        let original_len = u32::try_from(head.len() + data.len())?;
+        let whole = head.len() + data.len();
         let kept = kept.min(data.len());
-        let missed = std::mem::take(&mut self.missed);
-        let block = EnhancedPacketBlock {
-            interface_id: 0,
-            timestamp: self.date(at),
-            original_len,
-            data: Cow::Owned([&head, &data[..kept]].concat()),
-            options: match missed {
-                0 => Vec::new(),
-                missed => vec![EnhancedPacketOption::DropCount(missed)],
-            },
+        let options = match std::mem::take(&mut self.missed) {
+            0 => Vec::new(),
+            missed => vec![EnhancedPacketOption::DropCount(missed)],
         };
-        self.out.write_pcapng_block(block).context("cannot write a frame")?;
-        Ok(())
-    }
-
-    fn date(&self, at: Ps) -> Duration {
-        Duration::from_secs(self.start) + Duration::from_nanos(u64::try_from(at / NS).unwrap_or(0))
+        self.out.packet(at, &[&head, &data[..kept]].concat(), whole, options)
     }
 }
 
@@ -101,26 +71,17 @@ impl<W: Write> Tap for Pcapng<W> {
         Ok(())
     }
 
-    fn end(mut self: Box<Self>, at: Ps) -> Result<()> {
-        let end = self.date(at);
-        let statistics = InterfaceStatisticsBlock {
-            interface_id: 0,
-            timestamp: end,
-            options: vec![
-                InterfaceStatisticsOption::IsbStartTime(self.date(0)),
-                InterfaceStatisticsOption::IsbEndTime(end),
-            ],
-        };
-        self.out.write_pcapng_block(statistics).context("cannot write the end")?;
-        self.out.into_inner().flush()?;
-        Ok(())
+    fn end(self: Box<Self>, at: Ps) -> Result<()> {
+        self.out.end(at)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::time::NS;
     use pcap_file::pcapng::{Block, PcapNgReader};
+    use std::time::Duration;
 
     #[test]
     fn a_frame_is_a_block_with_the_identifier_big_endian() {

@@ -3,7 +3,7 @@
 use super::frame::Frame;
 use super::wire::Flaw;
 use crate::simulate::level::Low;
-use crate::simulate::samples::{Sampler, Samples};
+use crate::simulate::samples::Sampler;
 use crate::simulate::time::Ps;
 use anyhow::Result;
 
@@ -100,7 +100,7 @@ pub trait Tap {
 }
 
 /// A tap that looks at the line's level: that of CAN_RX.
-impl<C: Samples> Tap for Sampler<C> {
+impl Tap for Sampler {
     fn hear(&mut self, heard: &Heard<'_>) -> Result<()> {
         // A capture that begins in the middle of a frame.
         let within = |low: &Low| Low { from: low.from.max(0), to: low.to.max(0) };

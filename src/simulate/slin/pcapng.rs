@@ -3,21 +3,10 @@
 use super::line::Parity;
 use super::receiver::{Heard, Setup, State};
 use super::tap::{Characters, Loss};
+use crate::simulate::pcapng::{Blocks, Interface};
 use crate::simulate::time::{Clock, NS, Ps};
 use anyhow::{Context, Result};
-use pcap_file::DataLink;
-use pcap_file::pcapng::PcapNgWriter;
-use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketBlock;
-use pcap_file::pcapng::blocks::interface_description::{
-    InterfaceDescriptionBlock, InterfaceDescriptionOption, InterfaceTsResolution,
-};
-use pcap_file::pcapng::blocks::interface_statistics::{
-    InterfaceStatisticsBlock, InterfaceStatisticsOption,
-};
-use pcap_file::pcapng::blocks::opt_common::CommonOption;
-use std::borrow::Cow;
 use std::io::Write;
-use std::time::Duration;
 
 /// LINKTYPE_RTAC_SERIAL of the tcpdump registry.
 const RTAC_SERIAL: u32 = 250;
@@ -27,9 +16,7 @@ const LONGEST: usize = 256;
 
 /// A capture of this form.
 pub struct Pcapng<W: Write> {
-    out: PcapNgWriter<W>,
-    /// The date, in s since the Unix epoch.
-    start: u64,
+    out: Blocks<W>,
     /// The tap's own clock, by which readers place the characters of a block.
     clock: Clock,
     /// Duration of a character in bits.
@@ -60,18 +47,11 @@ impl<W: Write> Pcapng<W> {
         let clock = Clock::exact(setup.baud);
         // A tap that looks at the line ten times a bit.
         let tolerance = clock.bits(0.1);
-        let mut out = PcapNgWriter::new(out).context("cannot write the head")?;
-        let mut interface = InterfaceDescriptionBlock::new(DataLink::from(RTAC_SERIAL), 0);
-        let comment = comment(setup, tolerance);
-        interface.options = vec![
-            InterfaceDescriptionOption::IfName(Cow::Borrowed(name)),
-            InterfaceDescriptionOption::IfSpeed(u64::from(setup.baud)),
-            InterfaceDescriptionOption::IfTsResol(InterfaceTsResolution::NANO),
-            InterfaceDescriptionOption::Common(CommonOption::Comment(Cow::Owned(comment))),
-        ];
-        out.write_pcapng_block(interface).context("cannot write the interface")?;
+        let comment = Some(comment(setup, tolerance));
+        let interface = Interface { link: RTAC_SERIAL, name, rate: setup.baud, comment };
+        let out = Blocks::new(out, interface, start)?;
         let bits = if setup.parity == Parity::None { 10.0 } else { 11.0 };
-        Ok(Pcapng { out, start, clock, bits, tolerance, run: (0, Vec::new()) })
+        Ok(Pcapng { out, clock, bits, tolerance, run: (0, Vec::new()) })
     }
 
     /// Whether a reader who places the characters of the run one behind the other comes out right
@@ -90,26 +70,14 @@ impl<W: Write> Pcapng<W> {
     }
 
     fn write(&mut self, event: Event, at: Ps, bytes: &[u8]) -> Result<()> {
-        let time = self.date(at);
+        let time = self.out.date(at);
         let seconds = u32::try_from(time.as_secs()).context("beyond the year 2106")?;
         let mut data = Vec::with_capacity(12 + bytes.len());
         data.extend(seconds.to_be_bytes());
         data.extend(time.subsec_micros().to_be_bytes());
         data.extend([event as u8, 0, 0, 0]);
         data.extend(bytes);
-        let block = EnhancedPacketBlock {
-            interface_id: 0,
-            timestamp: time,
-            original_len: u32::try_from(data.len())?,
-            data: Cow::Owned(data),
-            options: Vec::new(),
-        };
-        self.out.write_pcapng_block(block).context("cannot write a block")?;
-        Ok(())
-    }
-
-    fn date(&self, at: Ps) -> Duration {
-        Duration::from_secs(self.start) + Duration::from_nanos(u64::try_from(at / NS).unwrap_or(0))
+        self.out.packet(at, &data, data.len(), Vec::new())
     }
 }
 
@@ -152,18 +120,7 @@ impl<W: Write> Characters for Pcapng<W> {
 
     fn end(mut self, at: Ps) -> Result<()> {
         self.write_run()?;
-        let end = self.date(at);
-        let statistics = InterfaceStatisticsBlock {
-            interface_id: 0,
-            timestamp: end,
-            options: vec![
-                InterfaceStatisticsOption::IsbStartTime(self.date(0)),
-                InterfaceStatisticsOption::IsbEndTime(end),
-            ],
-        };
-        self.out.write_pcapng_block(statistics).context("cannot write the end")?;
-        self.out.into_inner().flush()?;
-        Ok(())
+        self.out.end(at)
     }
 }
 
@@ -171,6 +128,7 @@ impl<W: Write> Characters for Pcapng<W> {
 mod tests {
     use super::*;
     use pcap_file::pcapng::{Block, PcapNgReader};
+    use std::time::Duration;
 
     const SETUP: Setup = Setup { baud: 115_200, parity: Parity::Even, is_swapped: false };
 

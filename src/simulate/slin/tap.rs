@@ -2,7 +2,7 @@
 
 use super::receiver::{Heard, Receiver, Setup};
 use crate::simulate::level::Low;
-use crate::simulate::samples::{Sampler, Samples};
+use crate::simulate::samples::Sampler;
 use crate::simulate::time::Ps;
 use anyhow::Result;
 
@@ -118,7 +118,7 @@ impl<C: Characters> Tap for Uart<C> {
 }
 
 /// A tap that looks at the line's level.
-impl<C: Samples> Tap for Sampler<C> {
+impl Tap for Sampler {
     fn hear(&mut self, stretch: &Stretch<'_>) -> Result<()> {
         self.watch(stretch.spans, stretch.until)
     }

@@ -1,4 +1,5 @@
-//! Whether a position fits its neighbours: what parity and checksum let pass.
+//! Whether a position fits its neighbours: what parity and checksum let pass, and what nobody
+//! commanded.
 
 use alloc::collections::VecDeque;
 
@@ -8,8 +9,8 @@ const HISTORY: usize = 100;
 /// Step changes it takes before anything can be called unusual.
 const MIN_HISTORY: usize = 4;
 
-/// Differences up to this are never told.
-const NOTICEABLE: i64 = 127;
+/// Differences up to this are never told, unless the caller asks for more.
+pub const NOTICEABLE: i64 = 127;
 
 /// How many times larger than any other a step change must be.
 const UNUSUAL: i64 = 8;
@@ -30,13 +31,21 @@ pub struct Jump {
     pub position: u32,
     /// Where it would have been, had the step before it been repeated.
     pub expected: u32,
+    /// The position after it goes on where the ones before it led: nothing was moved for good.
+    pub is_spike: bool,
+    /// The step before it.
+    pub step_before: i64,
 }
 
 /// The recent positions of one station.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    /// Number of different positions, if the user knows it.
+    /// Number of positions that a word holds: 0 less 1 is the highest.
+    word: i64,
+    /// Number of different positions, if it is known.
     resolution: Option<u32>,
+    /// Differences up to this are never told.
+    noticeable: i64,
     /// The smallest power of two above every position shown.
     shown: i64,
     /// The last three, oldest first.
@@ -49,17 +58,29 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Nothing seen yet.
+    /// Nothing seen yet of positions of so many bits, 62 at most.
     #[must_use]
-    pub fn new(resolution: Option<u32>) -> Self {
+    pub fn new(bits: u32, resolution: Option<u32>) -> Self {
         Motion {
+            word: 1 << bits,
             resolution,
+            noticeable: NOTICEABLE,
             shown: 1,
             recent: [None; 3],
             changes: VecDeque::with_capacity(HISTORY),
             spoilt: 0,
             returns: false,
         }
+    }
+
+    /// Differences up to this many steps are not told, from now on.
+    pub const fn tell_above(&mut self, steps: i64) {
+        self.noticeable = steps;
+    }
+
+    /// The number of different positions is known from now on.
+    pub fn learn_resolution(&mut self, resolution: u32) {
+        self.resolution = Some(resolution).filter(|positions| *positions > 0);
     }
 
     /// A telegram is missing or damaged: steps across it say nothing.
@@ -85,7 +106,11 @@ impl Motion {
             self.spoilt = 2;
             self.returns = true;
             let expected = self.on_circle(i64::from(second.position) + before);
-            return Some(Jump { record: candidate.record, position: candidate.position, expected });
+            // Two steps later it is where two of the old steps lead, give or take a quarter.
+            let off_path = (step + after - 2 * before).abs();
+            let is_spike = off_path <= (step - before).abs().min((step - after).abs()) / 4;
+            let (record, position) = (candidate.record, candidate.position);
+            return Some(Jump { record, position, expected, is_spike, step_before: before });
         }
         self.remember(step - before);
         None
@@ -93,8 +118,14 @@ impl Motion {
 
     /// The way from one position to the next, over the shorter side of the circle.
     fn step(&self, from: u32, to: u32) -> i64 {
-        let half = self.circle() / 2;
-        (i64::from(to) - i64::from(from) + half).rem_euclid(self.circle()) - half
+        let way = i64::from(to) - i64::from(from);
+        let (circle, half) = (self.circle(), self.circle() / 2);
+        // Nearly always it is short, and a division would be the dearest part of a row.
+        if -half <= way && way < circle - half {
+            return way;
+        }
+        let way = (way + self.word / 2).rem_euclid(self.word) - self.word / 2;
+        (way + half).rem_euclid(circle) - half
     }
 
     /// Number of positions of a whole circle.
@@ -102,14 +133,18 @@ impl Motion {
         self.resolution.map_or(self.shown, i64::from)
     }
 
-    /// The position that a way from position 0 leads to.
+    /// The position that a way from position 0 leads to. A preset may have moved positions beyond
+    /// their number.
     fn on_circle(&self, way: i64) -> u32 {
+        if 0 <= way && way < self.shown {
+            return u32::try_from(way).unwrap_or_default();
+        }
         u32::try_from(way.rem_euclid(self.circle())).unwrap_or_default()
     }
 
     fn stands_out(&self, from_before: i64, from_after: i64) -> bool {
         let smaller = from_before.abs().min(from_after.abs());
-        if smaller <= NOTICEABLE || from_before.signum() != from_after.signum() {
+        if smaller <= self.noticeable || from_before.signum() != from_after.signum() {
             return false;
         }
         let largest = self.changes.iter().copied().max().unwrap_or_default();
@@ -134,7 +169,7 @@ mod tests {
     use alloc::vec::Vec;
 
     fn jumps(positions: &[u32], resolution: Option<u32>) -> Vec<Jump> {
-        let mut motion = Motion::new(resolution);
+        let mut motion = Motion::new(28, resolution);
         (0..)
             .zip(positions)
             .filter_map(|(record, position)| motion.add(*position, record))
@@ -149,8 +184,9 @@ mod tests {
     fn a_spike_is_told_once_and_not_its_return() {
         let mut positions = steady(40);
         positions[20] += 4096;
-        let expected = Jump { record: 20, position: 5_400 + 4_096, expected: 5_400 };
-        assert_eq!(jumps(&positions, None), [expected]);
+        let (position, expected) = (5_400 + 4_096, 5_400);
+        let jump = Jump { record: 20, position, expected, is_spike: true, step_before: 20 };
+        assert_eq!(jumps(&positions, None), [jump]);
     }
 
     #[test]
@@ -159,7 +195,13 @@ mod tests {
         // is due, 5000. The largest position before it makes the circle of what was shown.
         let mut positions: Vec<u32> = (0..14).map(|n| 400 - 30 * n).collect();
         positions.extend([5_000, 8_142, 8_112]);
-        let jump = |expected| Jump { record: 14, position: 5_000, expected };
+        let jump = |expected| Jump {
+            record: 14,
+            position: 5_000,
+            expected,
+            is_spike: true,
+            step_before: -30,
+        };
         assert_eq!(jumps(&positions, Some(8_192)), [jump(8_172)]);
         assert_eq!(jumps(&positions, None), [jump(8_172)]);
     }
@@ -171,8 +213,11 @@ mod tests {
             *position += 1_000;
         }
         assert_eq!(
-            jumps(&positions, None).iter().map(|jump| jump.record).collect::<Vec<_>>(),
-            [20]
+            jumps(&positions, None)
+                .iter()
+                .map(|jump| (jump.record, jump.is_spike))
+                .collect::<Vec<_>>(),
+            [(20, false)]
         );
     }
 
@@ -208,7 +253,7 @@ mod tests {
 
     #[test]
     fn steps_across_a_missed_telegram_are_left_out() {
-        let mut motion = Motion::new(None);
+        let mut motion = Motion::new(28, None);
         for (record, position) in (0..).zip(steady(20)) {
             assert_eq!(motion.add(position, record), None);
         }
