@@ -1,5 +1,8 @@
 //! What a user would try, through the built program.
 
+// What rings of tests are made by is shared with the tests of the dissectors, which know them as this.
+extern crate dissectors as fieldtap_dissectors;
+
 mod can;
 mod captures;
 mod conversions;
@@ -8,6 +11,9 @@ mod harness;
 mod live;
 mod peers;
 mod real_captures;
+#[path = "../../dissectors/tests/ring/mod.rs"]
+mod ring;
+mod ring_lines;
 mod selection;
 mod set_ups;
 mod simulate;
