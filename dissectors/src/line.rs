@@ -50,7 +50,9 @@ impl Line {
             Some(Medium::Serial) => Line::Serial(Box::new(uart::Line::new(sampling, given))),
             Some(Medium::Can) => Line::Can(can::Line::new(sampling, settings.can, given.inverted)),
             Some(Medium::Words) => {
-                let profile = settings.interbus.line.clone();
+                let mut profile = settings.interbus.line.clone();
+                let rate = given.baud.or(settings.can.bitrate).map(uart::Baud::get);
+                profile.bitrate = profile.bitrate.or(rate);
                 Line::Words(Box::new(ring::Line::new(sampling, profile, given.inverted)))
             }
             None if settings.can.bitrate.is_some() => {

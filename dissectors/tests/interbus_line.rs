@@ -290,3 +290,23 @@ fn noise_is_no_ring() {
         assert!(wrong.is_empty(), "seed {seed}: {wrong:#?}");
     }
 }
+
+/// Any clock, any edges, up to the last tick there is: nothing panics.
+#[test]
+fn levels_of_any_clock_do_no_harm() {
+    for seed in 0..80 {
+        let chance = &mut Chance::new(6_000 + seed);
+        let plan = Plan { bitrate: 1 << (seed % 31), samples: 1.0, ..Plan::plain() };
+        let mut recording = ring::Recording::default();
+        for edges in &mut recording.edges {
+            let mut now = if seed % 3 == 0 { u64::MAX - 1_000_000 } else { 0 };
+            for _ in 0..3_000 {
+                now = now.saturating_add(1 + chance.below(1 << (1 + seed % 11)));
+                edges.push(now.min(u64::MAX - 1));
+            }
+            recording.until = u64::MAX;
+        }
+        hear_wires(&plan, &recording, &[0, 1], with_device(1), u64::MAX);
+        hear_wires(&plan, &recording, &[1], Settings::default(), u64::MAX);
+    }
+}

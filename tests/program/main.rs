@@ -1,5 +1,8 @@
 //! What a user would try, through the built program.
 
+// What rings of tests are made by is shared with the tests of the dissectors, which know them as this.
+extern crate dissectors as fieldtap_dissectors;
+
 mod account;
 mod can;
 mod captures;
@@ -14,6 +17,9 @@ mod live;
 mod peers;
 mod process_words;
 mod real_captures;
+#[path = "../../dissectors/tests/ring/mod.rs"]
+mod ring;
+mod ring_lines;
 mod ring_logs;
 mod rings;
 mod selection;

@@ -514,7 +514,7 @@ pub fn hear_wires(
     let (mut heard, mut last) = (Heard::default(), 0);
     let mut from = 0;
     while from < recording.until {
-        let until = (from + block).min(recording.until);
+        let until = from.saturating_add(block).min(recording.until);
         for (number, wire) in wires.iter().enumerate() {
             let edges = &recording.edges[*wire];
             let range = edges.partition_point(|e| *e < from)..edges.partition_point(|e| *e < until);

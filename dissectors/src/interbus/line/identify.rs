@@ -23,6 +23,8 @@ pub struct Identifier {
     /// What may tell ID cycles: places of flags, by bit.
     pub places: u8,
     pub place: Place,
+    /// The bytes of loopback word and registers of the cycles by which it was found.
+    usual: usize,
     pub loopback: Option<Loopback>,
     pub order: (BitOrder, Origin, &'static str),
     pub chosen: Option<Chosen>,
@@ -48,6 +50,7 @@ impl Identifier {
             selects: Selects::default(),
             places: 0b111,
             place: Place::Unknown,
+            usual: 0,
             loopback: given.loopback,
             order,
             chosen: None,
@@ -102,6 +105,7 @@ impl Identifier {
         let is_open = !self.is_place_known();
         if let Some(search) = self.searches.most().filter(|_| is_open) {
             self.place = search.place(self.given.loopback, self.is_turned());
+            self.usual = search.length();
         }
         self.choose();
         self.find_order();
@@ -152,8 +156,7 @@ impl Identifier {
         let Place::Found { offset, .. } = self.place else { return None };
         let at = back.len().checked_sub(2)?;
         // Of one wire alone, it has to be the one that comes back.
-        let length = self.searches.most().map_or(0, Search::length);
-        let comes_back = self.wires == 2 || offset > 0 && offset + 2 == length;
+        let comes_back = self.wires == 2 || offset > 0 && offset + 2 == self.usual;
         comes_back.then(|| &back[..at])
     }
 
@@ -209,17 +212,16 @@ impl Identifier {
     /// checksum.
     fn loopback_at(&self, wire: usize, length: usize, select: Select) -> Option<usize> {
         let Place::Found { offset, returning, .. } = self.place else { return None };
-        let usual = self.searches.most().map_or(0, Search::length);
         let end = length.checked_sub(2)?;
         match () {
             () if self.wires == 2 && wire == returning => Some(end),
             () if offset == 0 => Some(0),
-            () if self.wires == 1 && offset + 2 == usual => Some(end),
+            () if self.wires == 1 && offset + 2 == self.usual => Some(end),
             // The registers upstream are ID registers.
             () if select == Select::Identification => {
                 self.ring.as_deref()?.upstream(offset).map(|devices| 2 * devices)
             }
-            () if length == usual => Some(offset),
+            () if length == self.usual => Some(offset),
             () => None,
         }
     }

@@ -11,6 +11,9 @@ use alloc::vec::Vec;
 /// Cycles of equal length that it takes.
 pub const ENOUGH: u32 = 20;
 
+/// Cycles after which it is begun anew.
+const MOST: u32 = 1 << 16;
+
 /// Most places that are told where it may be.
 pub const MOST_TOLD: usize = 8;
 
@@ -115,11 +118,12 @@ impl Search {
         if !is_fitting(first) || !second.is_none_or(is_fitting) {
             return;
         }
-        if self.cycles > 0 && second.is_some() == self.misses[0].is_empty() {
-            // A wire came to the other, or is gone.
+        let is_other = self.cycles > 0 && second.is_some() == self.misses[0].is_empty();
+        if is_other || self.cycles >= MOST {
+            // A wire came to the other, or is gone; or what was ambiguous for long is so still.
             *self = Search { flags: self.flags, ..Search::new(self.length) };
         }
-        self.cycles = self.cycles.saturating_add(1);
+        self.cycles += 1;
         if let Some(second) = second {
             let ways = [(first, second), (second, first)];
             for (misses, (forward, back)) in self.misses.iter_mut().zip(ways) {

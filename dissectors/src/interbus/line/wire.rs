@@ -307,7 +307,8 @@ fn end_of(item: &Item) -> u64 {
 /// What goes out and what comes back at the same time is one cycle.
 fn is_same_cycle(a: &RawFrame, b: &RawFrame) -> bool {
     let overlap = a.end.min(b.end).saturating_sub(a.start.max(b.start));
-    let shorter = (a.end - a.start).min(b.end - b.start);
+    let length = |frame: &RawFrame| frame.end.saturating_sub(frame.start);
+    let shorter = length(a).min(length(b));
     overlap > shorter / 2
 }
 
