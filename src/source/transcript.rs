@@ -70,8 +70,6 @@ fn heard(event: &Event<'_>) -> String {
             let words: Vec<String> = frames.iter().map(frame).collect();
             words.join(", ")
         }
-        // Lines make them, no source does.
-        Event::Cycle(_) | Event::Silence(_) => String::new(),
         Event::Levels(levels) => format!(
             "{} from {} {:?} until {}",
             if levels.level { "high" } else { "low" },
@@ -86,7 +84,7 @@ fn heard(event: &Event<'_>) -> String {
         }
         Event::Advance(time) => format!("nothing until{}", at(*time)),
         // What lines carry is made of levels behind the sources.
-        Event::Cycle(_) | Event::Silence(_) => String::from("?"),
+        Event::Cycle(_) | Event::Silence(_) => unreachable!("no source says so"),
     }
 }
 
