@@ -18,7 +18,7 @@ use dissectors::protocol::Settings;
 use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::slin;
 use dissectors::station::Stations;
-use dissectors::uart::LineSettings;
+use dissectors::uart::{Baud, LineSettings};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::PathBuf;
@@ -140,7 +140,7 @@ pub fn decode(
         to: decoding.to,
         left: decoding.count.unwrap_or(u64::MAX),
         output: Ok(()),
-        is_live: sources.iter().any(|name| name == "-"),
+        is_live: sources.iter().any(|name| name == "-" || source::live::is_tap(name)),
         is_quiet: decoding.quiet,
     };
     let options = source_options(decoding);
@@ -233,6 +233,7 @@ fn source_options(decoding: &Decoding) -> SourceOptions {
         unitsize: usize::from(decoding.unitsize),
         baud: decoding.baud.given(),
         frame: decoding.frame.given(),
+        live: decoding.live.options(decoding.bitrate.given().map(Baud::get)),
         interbus: decoding.interbus.layout(),
     }
 }

@@ -1,8 +1,10 @@
 //! The command line, as the user writes it. What it means is decided in `commands`.
 
 mod interbus;
+mod live;
 
 pub use interbus::Interbus;
+pub use live::Live;
 
 use crate::clock::At;
 use crate::source::InputFormat;
@@ -118,6 +120,10 @@ pub struct Decoding {
     /// DeviceNet: the maker's description of a device, an EDS file (repeatable).
     #[arg(long, value_name = "FILE", help_heading = "DeviceNet")]
     pub eds: Vec<PathBuf>,
+
+    /// How live taps are listened to.
+    #[command(flatten)]
+    pub live: Live,
 
     /// What only INTERBUS has.
     #[command(flatten)]
