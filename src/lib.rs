@@ -13,6 +13,7 @@ pub mod export;
 pub mod interrupt;
 pub mod output;
 pub mod pipeline;
+mod ports;
 mod simulate;
 pub mod source;
 pub mod stations;

@@ -45,6 +45,9 @@ pub enum Command {
     Convert(crate::commands::convert::Arguments),
     /// Write a bus with chosen faults as a capture.
     Simulate(crate::commands::simulate::Arguments),
+    /// List what can be tapped here: serial ports and CAN interfaces, how good they are, and what to
+    /// do where one cannot be used. Opens none of them.
+    Ports(crate::commands::ports::Arguments),
     /// Explain a finding: what it means, the rule, what to do at the machine.
     Explain(crate::commands::explain::Arguments),
     /// List every field a column or a script can name.
