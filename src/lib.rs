@@ -10,6 +10,7 @@ pub mod clock;
 pub mod commands;
 pub mod decode;
 pub mod export;
+pub mod extcap;
 pub mod interrupt;
 pub mod output;
 pub mod pipeline;

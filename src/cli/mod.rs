@@ -48,6 +48,8 @@ pub enum Command {
     /// List what can be tapped here: serial ports and CAN interfaces, how good they are, and what to
     /// do where one cannot be used. Opens none of them.
     Ports(crate::commands::ports::Arguments),
+    /// Be a capture source of Wireshark.
+    Extcap(crate::commands::extcap::Arguments),
     /// Explain a finding: what it means, the rule, what to do at the machine.
     Explain(crate::commands::explain::Arguments),
     /// List every field a column or a script can name.

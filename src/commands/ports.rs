@@ -6,8 +6,16 @@ use crate::terminal::clean;
 use clap::{Args, ValueEnum};
 use std::process::ExitCode;
 
+/// What a listing cannot tell.
+const ONLY_OPENED: &str = "No port is opened: that raises RTS and DTR. Only the opened port tells \
+                           whether it keeps parity and rate as they were set (a pseudo terminal \
+                           does not), whether another user's program has locked it, and, of \
+                           drivers that fieldtap does not know, what they mark and count. The \
+                           processes that hold a port are seen as far as the user may see them.";
+
 /// How to list.
 #[derive(Args, Debug)]
+#[command(after_help = ONLY_OPENED)]
 pub struct Arguments {
     /// Form of the list.
     #[arg(long, value_name = "FORM", default_value = "text")]
@@ -53,7 +61,7 @@ fn text(ports: &Ports) -> String {
 }
 
 fn serial_text(port: &SerialPort) -> String {
-    let mut lines = Lines::headed(&port.source, &port.title(), port.is_usable());
+    let mut lines = Lines::headed(&port.source, &port.title(), port.is_usable);
     let usb = port.usb.iter().flat_map(|usb| {
         let number = usb.serial.as_ref().map(|serial| format!("serial number {serial}"));
         [Some(format!("USB {}", usb.id)), number].into_iter().flatten()
@@ -101,7 +109,7 @@ const fn counters(counters: Counters) -> &'static str {
 }
 
 fn can_text(port: &CanPort) -> String {
-    let mut lines = Lines::headed(&port.source, &port.title(), port.is_usable());
+    let mut lines = Lines::headed(&port.source, &port.title(), port.is_usable);
     let link = port.link.clone().unwrap_or_default();
     let mode = link.listen_only.map(|only| if only { "listen-only" } else { "not listen-only" });
     let state = [

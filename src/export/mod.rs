@@ -19,6 +19,7 @@ pub use json::Json;
 pub use pcapng::PcapNg;
 pub use text::Text;
 
+use crate::source::SourceError;
 use dissectors::event::Moment;
 use dissectors::record::{BusInfo, Record, Sink};
 use std::fmt;
@@ -37,6 +38,9 @@ pub trait Export: Sink {
     /// Somebody's comment on what was heard on a bus at this time. Forms without comments leave it
     /// out.
     fn comment(&mut self, _bus: &BusInfo, _time: Moment, _text: &str) {}
+
+    /// Something about a source that goes on. Where the user reads standard error, it is said there.
+    fn warn(&mut self, _warning: &SourceError) {}
 
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, _bus: &BusInfo, _end: Moment) {}

@@ -2,7 +2,7 @@
 
 use super::Machine;
 use super::tree;
-use super::usable::Obstacle;
+use super::usable::{self, Obstacle};
 use serde::Serialize;
 use std::path::Path;
 
@@ -25,6 +25,9 @@ pub struct CanPort {
     pub link: Option<Link>,
     /// What the kernel counted since the interface is there.
     pub counters: Statistics,
+    /// Whether nothing is known to keep it from being listened to.
+    #[serde(rename = "usable")]
+    pub is_usable: bool,
     /// What stands in the way, and what to know.
     pub obstacles: Vec<Obstacle>,
 }
@@ -77,16 +80,11 @@ const ARPHRD_CAN: u32 = 280;
 const IFF_UP: u32 = 1;
 
 impl CanPort {
-    /// Whether nothing is known to keep it from being listened to.
-    pub fn is_usable(&self) -> bool {
-        self.obstacles.iter().all(|obstacle| obstacle.is_warning)
-    }
-
     /// What it is, in a few words.
     pub fn title(&self) -> String {
         match (&self.driver, self.is_real) {
-            (Some(driver), _) => driver.clone(),
-            (None, true) => "CAN controller".to_owned(),
+            (Some(driver), _) => format!("CAN ({driver})"),
+            (None, true) => "CAN".to_owned(),
             (None, false) => "virtual CAN".to_owned(),
         }
     }
@@ -123,10 +121,12 @@ fn port(machine: &Machine, name: String, place: &Path) -> CanPort {
             rx_over_errors: count("rx_over_errors"),
             tx_packets: count("tx_packets"),
         },
+        is_usable: true,
         obstacles: Vec::new(),
         name,
     };
     port.obstacles.extend(obstacle(&port));
+    port.is_usable = usable::is_usable(&port.obstacles);
     port
 }
 

@@ -42,8 +42,11 @@ pub struct Driver {
     pub counters: Counters,
 }
 
+/// Drivers of 16550s that divide their clock as the first of them did.
+const OF_8250: [&str; 5] = ["serial", "serial8250", "8250", "8250_pci", "of_serial"];
+
 /// Drivers by their names in sysfs.
-const DRIVERS: [(&[&str], Granularity, Counters); 8] = [
+const DRIVERS: [(&[&str], Granularity, Counters); 9] = [
     // One status a USB packet, given to every character in it.
     (&["ftdi_sio"], Granularity::Packet, Counters::Available),
     // One status a URB. TIOCGICOUNT is not there (FreeRDP #2205).
@@ -57,11 +60,8 @@ const DRIVERS: [(&[&str], Granularity, Counters); 8] = [
     // The Raspberry Pi's mini UART has no parity (BCM2835 ARM Peripherals, section 2.2).
     (&["bcm2835-aux-uart"], Granularity::None, Counters::Available),
     // 16550 and what is compatible, however it was found.
-    (
-        &["serial", "serial8250", "8250", "8250_pci", "exar_serial", "of_serial", "dw-apb-uart"],
-        Granularity::Character,
-        Counters::Available,
-    ),
+    (&OF_8250, Granularity::Character, Counters::Available),
+    (&["exar_serial", "dw-apb-uart"], Granularity::Character, Counters::Available),
     (&["uart-pl011", "sbsa-uart"], Granularity::Character, Counters::Available),
 ];
 
@@ -80,16 +80,25 @@ impl Driver {
 pub fn divider_of_usb(driver: &str, bcd_device: Option<u32>) -> Option<Divider> {
     match (driver, bcd_device?) {
         // ftdi_sio, ftdi_determine_type(): FT232B, FT2232C, FT232R and the X series divide 48 MHz.
-        ("ftdi_sio", 0x0400 | 0x0500 | 0x0600 | 0x1000) => Some(Divider::Eighths(3_000_000)),
+        ("ftdi_sio", 0x0400 | 0x0500 | 0x0600 | 0x1000) => Some(Divider::Ftdi(3_000_000)),
         // FT2232H, FT4232H, FT232H divide 120 MHz.
-        ("ftdi_sio", 0x0700 | 0x0800 | 0x0900) => Some(Divider::Eighths(12_000_000)),
+        ("ftdi_sio", 0x0700 | 0x0800 | 0x0900) => Some(Divider::Ftdi(12_000_000)),
         ("ch341" | "ch341-uart", _) => Some(Divider::Ch341),
         _ => None,
     }
 }
 
-/// How a port of the 8250 family makes its rate: `tty` is its folder among the terminals.
-pub fn divider_of_8250(tty: &Path) -> Option<Divider> {
-    let clock: u64 = tree::number(tty, "uartclk")?;
-    (clock >= 16).then_some(Divider::Whole(clock / 16))
+/// How a native port makes its rate; `None` where that is not known. `tty` is its folder among the
+/// terminals, which has the clock of every native port.
+pub fn divider_of_native(driver: &str, tty: &Path) -> Option<Divider> {
+    /// Samples a bit, of all of them.
+    const SAMPLES: u64 = 16;
+    let clock = tree::number::<u64>(tty, "uartclk").filter(|clock| *clock >= SAMPLES)? / SAMPLES;
+    match driver {
+        // The mini UART takes 8 samples, and its driver states twice the clock.
+        "bcm2835-aux-uart" => Some(Divider::Parts(clock, 1)),
+        "uart-pl011" => Some(Divider::Parts(clock, 64)),
+        driver if OF_8250.contains(&driver) => Some(Divider::Parts(clock, 1)),
+        _ => None,
+    }
 }

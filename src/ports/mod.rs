@@ -3,6 +3,8 @@
 //! All of it is read from what the kernel publishes (sysfs, procfs, netlink). No port is opened:
 //! that alone raises DTR and RTS, and takes characters from whoever listens already.
 
+#![cfg_attr(not(target_os = "linux"), allow(dead_code, unused_imports))]
+
 mod can;
 mod driver;
 mod rate;
@@ -26,6 +28,8 @@ pub struct Machine {
     may_use: fn(&Path) -> bool,
     /// What the kernel says of a CAN interface beyond sysfs, by name.
     link: fn(&str) -> Option<Link>,
+    /// Whether to look through all processes for those that hold a port.
+    asks_who_holds: bool,
 }
 
 /// What can be tapped.
@@ -40,7 +44,17 @@ pub struct Ports {
 impl Machine {
     /// This one.
     pub fn this() -> Self {
-        Machine { root: PathBuf::from("/"), may_use: usable::may_use, link: can::link }
+        Machine {
+            root: PathBuf::from("/"),
+            may_use: usable::may_use,
+            link: can::link,
+            asks_who_holds: true,
+        }
+    }
+
+    /// This one, but neither who holds a port nor what only netlink tells: for who asks often.
+    pub fn at_a_glance() -> Self {
+        Machine { asks_who_holds: false, link: |_| None, ..Machine::this() }
     }
 
     /// Lists what can be tapped; `rates` in Bd are those that the real rate is told of.

@@ -8,10 +8,11 @@ use serde::Serialize;
 /// How a chip makes its rate.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Divider {
-    /// A clock in Hz, already divided by the samples a bit, by a whole number.
-    Whole(u64),
-    /// A clock in Hz by a number of eighths (FTDI).
-    Eighths(u64),
+    /// A clock in Hz, already divided by the samples a bit, by a number of these parts of one: 1
+    /// where only whole numbers can be had.
+    Parts(u64, u64),
+    /// A clock in Hz by a number of eighths, as FTDI's chips have it.
+    Ftdi(u64),
     /// The CH340 and CH341.
     Ch341,
 }
@@ -47,13 +48,14 @@ impl Divider {
     fn real(self, asked: u64) -> Option<f64> {
         let nearest = |clock: u64| clock.checked_add(asked / 2)?.checked_div(asked);
         match self {
-            // The 8250's driver rounds the divisor to the nearest.
-            Divider::Whole(clock) => {
-                let divisor = nearest(clock)?.min(0xFFFF);
-                (divisor > 0).then(|| clock as f64 / divisor as f64)
+            // The drivers of 8250 (serial8250_get_divisor()) and PL011 round to the nearest. A
+            // divisor below one cannot be had.
+            Divider::Parts(clock, parts) => {
+                let divisor = nearest(clock * parts)?.min(0xFFFF * parts);
+                (divisor >= parts).then(|| (clock * parts) as f64 / divisor as f64)
             }
             // ftdi_232bm_baud_base_to_divisor() in ftdi_sio: below two, only 1 and 1.5.
-            Divider::Eighths(clock) => {
+            Divider::Ftdi(clock) => {
                 let eighths = match nearest(clock * 8)? {
                     0..=7 => return None,
                     8..=9 => 8,
@@ -104,20 +106,23 @@ mod tests {
         };
         // FT232R: 3 MHz by 26 and by 8 5/8.
         let made = [(Some(115_385), Some(0.16)), (Some(347_826), Some(0.65))];
-        assert_eq!(rates(Divider::Eighths(3_000_000)), made);
+        assert_eq!(rates(Divider::Ftdi(3_000_000)), made);
         // FT2232H: 12 MHz by 104 1/8 (833/8) and by 34 6/8.
         let made = [(Some(115_246), Some(0.04)), (Some(345_324), Some(-0.08))];
-        assert_eq!(rates(Divider::Eighths(12_000_000)), made);
+        assert_eq!(rates(Divider::Ftdi(12_000_000)), made);
         // CH340: 12 MHz by 104 and by 35.
         let made = [(Some(115_385), Some(0.16)), (Some(342_857), Some(-0.79))];
         assert_eq!(rates(Divider::Ch341), made);
+        // A PL011 at 48 MHz: 3 MHz by 26 3/64 (1667/64) and by 8 44/64.
+        let made = [(Some(115_177), Some(-0.02)), (Some(345_324), Some(-0.08))];
+        assert_eq!(rates(Divider::Parts(3_000_000, 64)), made);
         // A PC's port: 115200 Bd is all it has.
-        assert_eq!(rates(Divider::Whole(115_200)), [(Some(115_200), Some(0.0)), (None, None)]);
+        assert_eq!(rates(Divider::Parts(115_200, 1)), [(Some(115_200), Some(0.0)), (None, None)]);
     }
 
     #[test]
     fn no_rate_is_believed_that_no_chip_makes() {
-        for divider in [Divider::Whole(115_200), Divider::Eighths(3_000_000), Divider::Ch341] {
+        for divider in [Divider::Parts(115_200, 1), Divider::Ftdi(3_000_000), Divider::Ch341] {
             assert_eq!(divider.rate(0).real, None);
             assert_eq!(divider.rate(u32::MAX).real, None);
             // The CH340 makes 1.5 MHz by 156 of it: 9615.
@@ -125,8 +130,8 @@ mod tests {
             assert!(matches!(real, Some(9600 | 9615)), "{divider:?}: {real:?}");
         }
         // Between 3 and 2 MBd an FTDI has nothing.
-        assert_eq!(Divider::Eighths(3_000_000).rate(2_500_000).real, None);
-        assert_eq!(Divider::Eighths(3_000_000).rate(3_000_000).real, Some(3_000_000));
-        assert_eq!(Divider::Eighths(3_000_000).rate(2_000_000).real, Some(2_000_000));
+        assert_eq!(Divider::Ftdi(3_000_000).rate(2_500_000).real, None);
+        assert_eq!(Divider::Ftdi(3_000_000).rate(3_000_000).real, Some(3_000_000));
+        assert_eq!(Divider::Ftdi(3_000_000).rate(2_000_000).real, Some(2_000_000));
     }
 }

@@ -37,6 +37,9 @@ pub struct SerialPort {
     pub rx_trigger_bytes: Option<u32>,
     /// What comes of usual rates: computed, not measured. Empty where the chip is not known.
     pub rates: Vec<Rate>,
+    /// Whether nothing is known to keep it from being listened to.
+    #[serde(rename = "usable")]
+    pub is_usable: bool,
     /// What stands in the way, and what to know.
     pub obstacles: Vec<Obstacle>,
 }
@@ -55,15 +58,10 @@ pub struct Usb {
 }
 
 impl SerialPort {
-    /// Whether nothing is known to keep it from being listened to.
-    pub fn is_usable(&self) -> bool {
-        self.obstacles.iter().all(|obstacle| obstacle.is_warning)
-    }
-
     /// What it is, in a few words.
     pub fn title(&self) -> String {
         let product = self.usb.as_ref().and_then(|usb| usb.product.clone());
-        product.or_else(|| self.driver.clone()).unwrap_or_else(|| "serial port".to_owned())
+        product.unwrap_or_else(|| "serial port".to_owned())
     }
 }
 
@@ -102,6 +100,7 @@ pub fn ports_of_others() -> Vec<SerialPort> {
             latency_timer_ms: None,
             rx_trigger_bytes: None,
             rates: Vec::new(),
+            is_usable: true,
             obstacles: Vec::new(),
         }
     };
@@ -117,14 +116,13 @@ fn port(machine: &Machine, name: String, tty: &Path, rates: &[u32]) -> Option<Se
         return None;
     }
     let driver = tree::upwards(&device).take(DEEPEST).find_map(driver_at);
-    let known = Driver::named(driver.as_deref().unwrap_or_default());
+    let driver_name = driver.as_deref().unwrap_or_default();
+    let known = Driver::named(driver_name);
     let usb_device =
         tree::upwards(&device).take(DEEPEST).find(|place| place.join("idVendor").exists());
     let divider = match usb_device {
-        Some(usb) => driver
-            .as_deref()
-            .and_then(|driver| driver::divider_of_usb(driver, tree::hex(usb, "bcdDevice"))),
-        None => driver::divider_of_8250(tty),
+        Some(usb) => driver::divider_of_usb(driver_name, tree::hex(usb, "bcdDevice")),
+        None => driver::divider_of_native(driver_name, tty),
     };
     let mut port = SerialPort {
         source: format!("serial:/dev/{name}"),
@@ -136,6 +134,7 @@ fn port(machine: &Machine, name: String, tty: &Path, rates: &[u32]) -> Option<Se
         latency_timer_ms: tree::number(&device, "latency_timer"),
         rx_trigger_bytes: tree::number(tty, "rx_trig_bytes"),
         rates: divider.map_or(Vec::new(), |by| rates.iter().map(|rate| by.rate(*rate)).collect()),
+        is_usable: true,
         obstacles: usable::obstacle(machine, &machine.path("dev").join(&name))
             .into_iter()
             .collect(),
@@ -143,6 +142,7 @@ fn port(machine: &Machine, name: String, tty: &Path, rates: &[u32]) -> Option<Se
     };
     let console = tree::text(tty, "console");
     port.obstacles.extend(known_troubles(&port, console.as_deref() == Some("Y")));
+    port.is_usable = usable::is_usable(&port.obstacles);
     Some(port)
 }
 

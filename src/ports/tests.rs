@@ -89,7 +89,8 @@ impl Fake {
     }
 
     fn ports_with(&self, may_use: fn(&Path) -> bool, link: fn(&str) -> Option<Link>) -> Ports {
-        Machine { root: self.0.path().to_owned(), may_use, link }.ports(&RATES)
+        Machine { root: self.0.path().to_owned(), may_use, link, asks_who_holds: true }
+            .ports(&RATES)
     }
 
     /// The only port.
@@ -129,7 +130,7 @@ fn an_ftdi_adapter_marks_packets_and_waits_for_its_latency_timer() {
     let what = "characters come in lumps of up to 16 ms, and response times drown";
     assert_eq!(whats(&port.obstacles), [(what, true)]);
     assert!(port.obstacles[0].remedy.contains("devices/ttyUSB0/latency_timer"));
-    assert!(port.is_usable());
+    assert!(port.is_usable);
 }
 
 #[test]
@@ -179,8 +180,22 @@ fn a_mini_uart_has_no_parity() {
     fake.terminal("ttyS0", "devices/platform/soc/fe215040.serial", &[("type", "1")]);
     let port = fake.port();
     assert_eq!(port.parity, Granularity::None);
-    assert!(port.is_usable());
+    assert!(port.is_usable);
     assert!(port.obstacles[0].remedy.contains("disable-bt"), "{:?}", port.obstacles);
+}
+
+/// A Raspberry Pi's full UART, at 48 MHz.
+#[test]
+fn a_pl011_divides_by_64ths() {
+    let fake = Fake::new();
+    fake.device("devices/platform/soc/fe201000.serial", "amba", "uart-pl011");
+    let attributes = [("type", "32"), ("uartclk", "48000000")];
+    fake.terminal("ttyAMA0", "devices/platform/soc/fe201000.serial", &attributes);
+    let port = fake.port();
+    assert_eq!(port.parity, Granularity::Character);
+    // 3 MHz by 556/64.
+    assert_eq!(port.rates[1].real, Some(345_324));
+    assert!(port.obstacles.is_empty(), "{:?}", port.obstacles);
 }
 
 /// Rights are told by the group of the device, which in a test is the user's own.
@@ -195,7 +210,7 @@ fn what_may_not_be_opened_names_the_group_that_may() {
     let told = |mode: u32| {
         fs::set_permissions(&device, fs::Permissions::from_mode(mode)).expect("it is ours");
         let ports = fake.ports_with(|_| false, |_| None);
-        assert!(!ports.serial[0].is_usable());
+        assert!(!ports.serial[0].is_usable);
         ports.serial[0].obstacles[0].clone()
     };
     let refused = told(0o660);
@@ -214,6 +229,18 @@ fn who_holds_a_port_is_told() {
     fake.directory("proc/12/fd");
     symlink("/dev/ttyUSB01", fake.path("proc/12/fd/3")).expect("links can be made");
     assert_eq!(whats(&fake.port().obstacles), [("in use by picocom (process 4711)", false)]);
+}
+
+/// Asked of the system itself, without opening anything.
+#[test]
+fn what_is_not_there_may_not_be_used() {
+    let fake = Fake::new();
+    fake.write("dev/ttyUSB0", "");
+    assert!(super::usable::may_use(&fake.path("dev/ttyUSB0")));
+    assert!(!super::usable::may_use(&fake.path("dev/ttyUSB1")));
+    fake.adapter("ttyUSB2", "cp210x", ["10c4", "ea60", "0100"], "CP2102");
+    fs::remove_file(fake.path("dev/ttyUSB2")).expect("it is there");
+    assert_eq!(whats(&fake.port().obstacles), [("there is no /dev/ttyUSB2", false)]);
 }
 
 #[test]
@@ -254,19 +281,22 @@ fn a_can_interface_must_be_up_and_listen_only() {
         can.remove(0)
     };
     let good = told(|_| running(true));
-    assert!(good.is_usable() && good.obstacles.is_empty());
+    assert!(good.is_usable && good.obstacles.is_empty());
     assert_eq!((good.source.as_str(), good.driver.as_deref()), ("can:can0", Some("mcp251x")));
     assert_eq!((good.counters.rx_packets, good.counters.rx_over_errors), (41_212, 3));
 
     let active = told(|_| running(false));
-    assert!(!active.is_usable());
+    assert!(!active.is_usable);
     let remedy = &active.obstacles[0].remedy;
     let set_up = "sudo ip link set can0 up type can bitrate 125000 listen-only on";
     assert!(remedy.contains(set_up) && remedy.contains("--allow-active"), "{remedy}");
 
     let refused = told(|_| None);
-    assert!(refused.is_usable());
+    assert!(refused.is_usable);
     assert!(refused.obstacles[0].what.contains("netlink was refused"));
+
+    let off = told(|_| Some(Link { state: Some("bus-off"), ..running(true)? }));
+    assert!(!off.is_usable && off.obstacles[0].remedy.contains("ip link set can0 down"));
 
     fake.write("sys/class/net/can0/flags", DOWN);
     assert_eq!(whats(&told(|_| running(true)).obstacles), [("it is down", false)]);
@@ -277,7 +307,7 @@ fn virtual_can_takes_part_in_nothing() {
     let fake = Fake::new();
     fake.interface("vcan0", UP);
     let vcan = fake.ports_with(|_| true, |_| Some(Link::default())).can.remove(0);
-    assert!(vcan.is_usable() && !vcan.is_real && vcan.obstacles.is_empty());
+    assert!(vcan.is_usable && !vcan.is_real && vcan.obstacles.is_empty());
     fake.write("sys/class/net/vcan0/flags", DOWN);
     let vcan = fake.ports_with(|_| true, |_| Some(Link::default())).can.remove(0);
     assert_eq!(vcan.obstacles[0].remedy, "sudo ip link set vcan0 up");

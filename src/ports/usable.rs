@@ -29,6 +29,11 @@ impl Obstacle {
     }
 }
 
+/// Whether nothing keeps it from being listened to.
+pub fn is_usable(obstacles: &[Obstacle]) -> bool {
+    obstacles.iter().all(|obstacle| obstacle.is_warning)
+}
+
 /// Whether the user may read and write: told without opening anything.
 #[cfg(target_os = "linux")]
 pub fn may_use(path: &Path) -> bool {
@@ -52,6 +57,9 @@ pub fn obstacle(machine: &Machine, device: &Path) -> Option<Obstacle> {
     }
     if !(machine.may_use)(device) {
         return Some(refusal(&shown, group_of(machine, device)));
+    }
+    if !machine.asks_who_holds {
+        return None;
     }
     let holders = holders(machine, &shown);
     (!holders.is_empty()).then(|| {

@@ -4,6 +4,7 @@ mod can;
 mod captures;
 mod conversions;
 mod endings;
+mod extcap;
 mod harness;
 mod live;
 mod peers;
