@@ -219,9 +219,10 @@ impl Consumer for Desk<'_> {
     }
 
     fn warn(&mut self, warning: &SourceError) {
-        self.export.warn(warning);
+        let line = format!("fieldtap: warning: {warning}");
+        self.export.note(&line);
         if !self.is_quiet {
-            say!("fieldtap: warning: {warning}");
+            say!("{line}");
         }
     }
 

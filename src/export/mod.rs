@@ -19,7 +19,6 @@ pub use json::Json;
 pub use pcapng::PcapNg;
 pub use text::Text;
 
-use crate::source::SourceError;
 use dissectors::event::Moment;
 use dissectors::record::{BusInfo, Record, Sink};
 use std::fmt;
@@ -39,8 +38,9 @@ pub trait Export: Sink {
     /// out.
     fn comment(&mut self, _bus: &BusInfo, _time: Moment, _text: &str) {}
 
-    /// Something about a source that goes on. Where the user reads standard error, it is said there.
-    fn warn(&mut self, _warning: &SourceError) {}
+    /// What is to be known of a source that goes on. It is said on standard error too, unless that
+    /// shall be quiet.
+    fn note(&mut self, _line: &str) {}
 
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, _bus: &BusInfo, _end: Moment) {}

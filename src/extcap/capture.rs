@@ -8,7 +8,6 @@ use crate::decode::{FAILED, USAGE, decode, settings};
 use crate::export::{Export, PcapNg};
 use crate::interrupt;
 use crate::say;
-use crate::source::SourceError;
 use anyhow::anyhow;
 use clap::Parser;
 use dissectors::event::Moment;
@@ -97,11 +96,11 @@ struct Live {
     /// The same pipe, to be watched.
     pipe: Fifo,
     log: Option<Log>,
-    /// Warnings that no log took, for the next packet.
+    /// What no log took, for the next packet.
     untold: Vec<String>,
 }
 
-/// Warnings that may wait for a packet.
+/// Lines that may wait for a packet.
 const MOST_UNTOLD: usize = 16;
 
 impl Live {
@@ -114,8 +113,8 @@ impl Live {
 
 impl Sink for Live {
     fn record(&mut self, record: &Record<'_>) {
-        for warning in self.untold.drain(..) {
-            self.packets.comment(record.bus, record.start, &warning);
+        for line in self.untold.drain(..) {
+            self.packets.comment(record.bus, record.start, &line);
         }
         self.packets.record(record);
     }
@@ -126,12 +125,11 @@ impl Export for Live {
         self.packets.comment(bus, time, text);
     }
 
-    fn warn(&mut self, warning: &SourceError) {
-        let text = format!("fieldtap: warning: {warning}");
+    fn note(&mut self, line: &str) {
         if self.log.is_some() {
-            self.say(text);
+            self.say(line.to_owned());
         } else if self.untold.len() < MOST_UNTOLD {
-            self.untold.push(text);
+            self.untold.push(line.to_owned());
         }
     }
 

@@ -50,7 +50,7 @@ const DRIVERS: [(&[&str], Granularity, Counters); 9] = [
     // One status a USB packet, given to every character in it.
     (&["ftdi_sio"], Granularity::Packet, Counters::Available),
     // One status a URB. TIOCGICOUNT is not there (FreeRDP #2205).
-    (&["pl2303", "f81232", "f81534a", "spcp8x5"], Granularity::Packet, Counters::Missing),
+    (&["pl2303", "f81232", "f81534a", "SPCP8x5"], Granularity::Packet, Counters::Missing),
     // In its event mode, which is on only while INPCK is set. Counts since Linux 5.9.
     (&["cp210x"], Granularity::Character, Counters::Available),
     // ch341 never marks.
