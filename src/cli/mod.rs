@@ -49,6 +49,10 @@ pub enum Command {
     /// do where one cannot be used. Opens none of them.
     Ports(crate::commands::ports::Arguments),
     /// Be a capture source of Wireshark.
+    ///
+    /// `extcap install` makes Wireshark list the serial ports and CAN interfaces of this machine; the
+    /// calls that it makes then (--extcap-interfaces, --extcap-config, --capture and so on) are
+    /// answered with and without this subcommand.
     Extcap(crate::commands::extcap::Arguments),
     /// Explain a finding: what it means, the rule, what to do at the machine.
     Explain(crate::commands::explain::Arguments),

@@ -8,8 +8,7 @@ use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// What to do. The calls that Wireshark makes (--extcap-interfaces, --extcap-config, --capture and
-/// so on) are answered with and without this subcommand.
+/// What to do. The calls that Wireshark makes are not for clap: see `extcap::Call`.
 #[derive(Args, Debug)]
 pub struct Arguments {
     #[command(subcommand)]
