@@ -15,7 +15,8 @@ impl Fifo {
     /// # Errors
     /// It is not there, or may not be written.
     pub fn open(path: &Path) -> io::Result<Fifo> {
-        let file = OpenOptions::new().write(true).create(true).truncate(true).open(path)?;
+        // Not created: a pipe that is gone would become a file that grows until the disk is full.
+        let file = OpenOptions::new().write(true).truncate(true).open(path)?;
         #[cfg(unix)]
         rustix::fs::fcntl_setfl(
             &file,
@@ -136,7 +137,9 @@ mod tests {
     fn a_file_will_do() {
         let scratch = tempfile::tempdir().expect("temporary files can be made");
         let path = scratch.path().join("file");
-        let mut fifo = Fifo::open(&path).expect("it can be made");
+        assert!(Fifo::open(&path).is_err() && !path.exists(), "it was made by nobody else");
+        std::fs::write(&path, "").expect("it can be written");
+        let mut fifo = Fifo::open(&path).expect("it is there");
         fifo.write_all(b"packets").expect("there is room");
         assert!(fifo.check().is_ok());
         assert_eq!(std::fs::read(&path).expect("it is there"), b"packets");

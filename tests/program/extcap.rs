@@ -274,7 +274,7 @@ fn warnings_are_comments_and_never_on_standard_error() {
     let source = scratch.file("bus.log", log);
     let warned = fieldtap(["read", argument(&source)]);
     assert!(warned.stderr.contains("warning"), "{}", warned.stderr);
-    let packets = scratch.path("packets.pcapng");
+    let packets = scratch.file("packets.pcapng", "");
     let ended = output_within(capture_into(&packets, &source), Duration::from_secs(10));
     assert_eq!((ended.status.code(), text(&ended.stderr)), (Some(0), String::new()));
     let bytes = std::fs::read(&packets).expect("it was written");
@@ -293,7 +293,7 @@ fn the_log_of_the_toolbar_tells_what_was_found_out() {
     let (mut toolbar, log) = (open(&from), open(&to));
     toolbar.write_all(b"T\x00\x00\x02\x00\x00").expect("there is room");
     let capture = here("captures/slin-parity/one-station.pcapng");
-    let fifo = scratch.path("packets.pcapng");
+    let fifo = scratch.file("packets.pcapng", "");
     let ended = Command::new(PROGRAM)
         .args(["--capture", "--extcap-interface", "fieldtap", "--fifo", argument(&fifo)])
         .args(["--extcap-control-in", argument(&from), "--extcap-control-out", argument(&to)])
