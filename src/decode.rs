@@ -18,7 +18,7 @@ use dissectors::protocol::Settings;
 use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::slin;
 use dissectors::station::Stations;
-use dissectors::uart::LineSettings;
+use dissectors::uart::{Baud, LineSettings};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::PathBuf;
@@ -68,6 +68,11 @@ impl Outcome {
         self.has_written() && self.error.is_none() && !self.is_interrupted
     }
 
+    /// Whether a source failed, or the output could not be written though somebody read it.
+    pub fn has_failed(&self) -> bool {
+        self.error.is_some() || (self.output.is_err() && !self.is_pipe_closed())
+    }
+
     /// The four lines that sum it up.
     pub fn verdict(&self) -> Verdict {
         Verdict::of(&self.tally, &self.pipeline, &self.clock, self.error.is_some())
@@ -79,7 +84,7 @@ impl Outcome {
             return;
         }
         if !self.is_quiet {
-            self.report_conclusions();
+            self.conclusions().for_each(|line| say!("{line}"));
         }
         if let Err(error) = &self.output {
             say!("fieldtap: the output cannot be written: {error}");
@@ -94,12 +99,12 @@ impl Outcome {
         }
     }
 
-    fn report_conclusions(&self) {
-        for bus in self.pipeline.buses() {
-            for learned in Learned::of(bus) {
-                say!("auto: {}: {learned}", bus.info().name);
-            }
-        }
+    /// What was found out of each bus, with its evidence.
+    pub fn conclusions(&self) -> impl Iterator<Item = String> {
+        self.pipeline.buses().iter().flat_map(|bus| {
+            let say = |learned| format!("auto: {}: {learned}", bus.info().name);
+            Learned::of(bus).into_iter().map(say)
+        })
     }
 
     /// 3 outranks 130 outranks 1; a closed pipe is none of these.
@@ -111,7 +116,7 @@ impl Outcome {
         let has_found = limit.is_some_and(|limit| self.tally.worst() >= Some(limit));
         ExitCode::from(if self.is_pipe_closed() {
             DONE
-        } else if self.error.is_some() || self.output.is_err() {
+        } else if self.has_failed() {
             FAILED
         } else if self.is_interrupted {
             INTERRUPTED
@@ -140,7 +145,7 @@ pub fn decode(
         to: decoding.to,
         left: decoding.count.unwrap_or(u64::MAX),
         output: Ok(()),
-        is_live: sources.iter().any(|name| name == "-"),
+        is_live: sources.iter().any(|name| name == "-" || source::live::is_tap(name)),
         is_quiet: decoding.quiet,
     };
     let options = source_options(decoding);
@@ -214,8 +219,10 @@ impl Consumer for Desk<'_> {
     }
 
     fn warn(&mut self, warning: &SourceError) {
+        let line = format!("fieldtap: warning: {warning}");
+        self.export.note(&line);
         if !self.is_quiet {
-            say!("fieldtap: warning: {warning}");
+            say!("{line}");
         }
     }
 
@@ -233,6 +240,7 @@ fn source_options(decoding: &Decoding) -> SourceOptions {
         unitsize: usize::from(decoding.unitsize),
         baud: decoding.baud.given(),
         frame: decoding.frame.given(),
+        live: decoding.live.options(decoding.bitrate.given().map(Baud::get)),
         interbus: decoding.interbus.layout(),
     }
 }

@@ -25,6 +25,16 @@ pub fn catch(status: u8) {
     }
 }
 
+/// From here on, a run also ends when it is told that nobody reads its output. Where that is told
+/// by a signal: Wireshark sends it while nothing is being written.
+pub fn catch_closed_pipe() {
+    #[cfg(unix)]
+    {
+        let came = CAME.get_or_init(Arc::default);
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGPIPE, Arc::clone(came));
+    }
+}
+
 /// Whether one came.
 pub fn came() -> bool {
     CAME.get().is_some_and(|came| came.load(Ordering::Relaxed))

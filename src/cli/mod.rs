@@ -1,8 +1,10 @@
 //! The command line, as the user writes it. What it means is decided in `commands`.
 
 mod interbus;
+mod live;
 
 pub use interbus::Interbus;
+pub use live::Live;
 
 use crate::clock::At;
 use crate::source::InputFormat;
@@ -43,6 +45,15 @@ pub enum Command {
     Convert(crate::commands::convert::Arguments),
     /// Write a bus with chosen faults as a capture.
     Simulate(crate::commands::simulate::Arguments),
+    /// List what can be tapped here: serial ports and CAN interfaces, how good they are, and what to
+    /// do where one cannot be used. Opens none of them.
+    Ports(crate::commands::ports::Arguments),
+    /// Be a capture source of Wireshark.
+    ///
+    /// `extcap install` makes Wireshark list the serial ports and CAN interfaces of this machine; the
+    /// calls that it makes then (--extcap-interfaces, --extcap-config, --capture and so on) are
+    /// answered with and without this subcommand.
+    Extcap(crate::commands::extcap::Arguments),
     /// Explain a finding: what it means, the rule, what to do at the machine.
     Explain(crate::commands::explain::Arguments),
     /// List every field a column or a script can name.
@@ -118,6 +129,10 @@ pub struct Decoding {
     /// DeviceNet: the maker's description of a device, an EDS file (repeatable).
     #[arg(long, value_name = "FILE", help_heading = "DeviceNet")]
     pub eds: Vec<PathBuf>,
+
+    /// How live taps are listened to.
+    #[command(flatten)]
+    pub live: Live,
 
     /// What only INTERBUS has.
     #[command(flatten)]

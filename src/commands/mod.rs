@@ -3,8 +3,10 @@
 pub mod completions;
 pub mod convert;
 pub mod explain;
+pub mod extcap;
 pub mod fields;
 pub mod man;
+pub mod ports;
 pub mod read;
 pub mod simulate;
 pub mod stats;
@@ -22,6 +24,8 @@ pub fn run(cli: &Cli) -> ExitCode {
         Command::Stats(arguments) => stats::run(arguments),
         Command::Convert(arguments) => convert::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),
+        Command::Extcap(arguments) => extcap::run(arguments),
+        Command::Ports(arguments) => ports::run(arguments),
         Command::Explain(arguments) => explain::run(arguments),
         Command::Fields(arguments) => fields::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),

@@ -40,6 +40,10 @@ pub trait Export: Sink {
     /// out.
     fn comment(&mut self, _bus: &BusInfo, _time: Moment, _text: &str) {}
 
+    /// What is to be known of a source that goes on. It is said on standard error too, unless that
+    /// shall be quiet.
+    fn note(&mut self, _line: &str) {}
+
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, _bus: &BusInfo, _end: Moment) {}
 

@@ -12,6 +12,7 @@ pub mod interbus;
 mod lanes;
 mod lines;
 mod link;
+pub mod live;
 mod logic;
 mod numbers;
 mod outbox;
@@ -34,6 +35,7 @@ mod vcd;
 
 pub use error::{Place, SourceError};
 pub use input::Input;
+pub use live::LiveOptions;
 pub use numbers::{frequency, seconds_in_ns};
 
 use interbus::Layout;
@@ -131,6 +133,8 @@ pub struct SourceOptions {
     pub baud: Option<Baud>,
     /// The character format, where the source needs one and does not tell it.
     pub frame: Option<Format>,
+    /// How live taps are listened to.
+    pub live: LiveOptions,
     /// How logs of INTERBUS are written.
     pub interbus: Layout,
 }
@@ -178,12 +182,16 @@ impl SourceOptions {
     }
 }
 
-/// Opens a source. Its format is found from its content unless it is given.
+/// Opens a source, a live tap or a saved capture. The format of a capture is found from its content
+/// unless it is given.
 ///
 /// # Errors
 /// It cannot be read, or nothing tells what it is.
 pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
-    reader_of(Input::open(name)?, options)
+    match live::open(name, options) {
+        Some(tap) => Ok(Box::new(live::Listening::begin(tap?))),
+        None => reader_of(Input::open(name)?, options),
+    }
 }
 
 /// Reads a stream that cannot be gone back in, as [`open`] does a file.

@@ -75,6 +75,7 @@ enum Waiting {
     Levels { bus: usize, edges: Range<usize>, level: bool, from: u64, until: u64 },
     Break(usize, Break),
     Lost(usize, Loss),
+    Silence(usize, Moment),
     Comment(usize, Moment, Range<usize>),
     Warning(SourceError),
     End(usize, Moment),
@@ -130,6 +131,21 @@ impl Outbox {
         self.waiting.push_back(Waiting::Levels { bus, edges, level, from, until });
     }
 
+    /// Nothing more was heard until this time.
+    pub fn silence(&mut self, bus: usize, until: Moment) {
+        self.waiting.push_back(Waiting::Silence(bus, until));
+    }
+
+    /// The source cannot go on.
+    pub fn error(&mut self, error: SourceError) {
+        self.waiting.push_back(Waiting::Error(error));
+    }
+
+    /// Whether everything was handed over.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
     /// A break was heard.
     pub fn line_break(&mut self, bus: usize, event: Break) {
         self.waiting.push_back(Waiting::Break(bus, event));
@@ -157,7 +173,9 @@ impl Outbox {
         self.waiting.push_back(Waiting::End(bus, at));
     }
 
-    fn forget(&mut self) {
+    /// Empties it for what is heard next. What was not handed over is gone.
+    pub fn forget(&mut self) {
+        self.waiting.clear();
         self.characters.clear();
         self.frames.clear();
         self.rows.clear();
@@ -165,7 +183,8 @@ impl Outbox {
         self.text.clear();
     }
 
-    fn next(&mut self) -> Option<Result<Piece<'_>, SourceError>> {
+    /// The next piece, or the error that ended the source.
+    pub fn next(&mut self) -> Option<Result<Piece<'_>, SourceError>> {
         Some(Ok(match self.waiting.pop_front()? {
             Waiting::Bus(info, facts) => Piece::Bus(info, facts),
             Waiting::Characters(bus, range) => {
@@ -179,6 +198,7 @@ impl Outbox {
             }
             Waiting::Break(bus, event) => Piece::Heard(bus, Event::Break(event)),
             Waiting::Lost(bus, loss) => Piece::Heard(bus, Event::Lost(loss)),
+            Waiting::Silence(bus, until) => Piece::Heard(bus, Event::Advance(until)),
             Waiting::Comment(bus, at, range) => Piece::Comment(bus, at, &self.text[range]),
             Waiting::Warning(warning) => Piece::Warning(warning),
             Waiting::End(bus, at) => Piece::End(bus, at),

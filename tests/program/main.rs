@@ -10,6 +10,7 @@ mod conversions;
 mod devicenet;
 mod devices;
 mod endings;
+mod extcap;
 mod harness;
 mod healthy;
 mod lines;

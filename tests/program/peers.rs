@@ -4,7 +4,7 @@
 
 use crate::harness::{Scratch, argument, fieldtap, here, say};
 use std::collections::BTreeSet;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// What a peer prints, or nothing if it may be absent and is.
 pub fn ask(program: &str, package: &str, arguments: &[&str]) -> Option<String> {
@@ -68,6 +68,27 @@ fn wireshark_sees_serial_events() {
         let Some(events) = ask("tshark", "tshark", &arguments) else { return };
         assert!(events.lines().any(|line| line == event), "{capture}: {events}");
     }
+}
+
+/// What comes through a pipe must be in the byte order of the machine, unlike what is in a file.
+#[test]
+fn wireshark_captures_what_we_write_to_a_pipe() {
+    let capture = here("captures/slin-parity/parity.pcapng");
+    let Some(_) = ask("tshark", "tshark", &["--version"]) else { return };
+    let converted = Command::new(env!("CARGO_BIN_EXE_fieldtap"))
+        .args(["convert", "-q", "--output-format", "pcapng", argument(&capture), "-"])
+        .stdout(Stdio::piped())
+        .spawn();
+    let mut converted = converted.expect("the program is there");
+    let packets = converted.stdout.take().expect("it is piped");
+    let shown = Command::new("tshark")
+        .args(["-i", "-", "-T", "fields", "-e", "frame.comment"])
+        .stdin(packets)
+        .output()
+        .expect("tshark is there");
+    assert!(converted.wait().expect("it ends").success());
+    let shown = String::from_utf8_lossy(&shown.stdout);
+    assert!(shown.contains("[error slin.parity]"), "{shown}");
 }
 
 /// Wireshark shows identifier, length, direction and losses of what we write of a CAN log.

@@ -7,7 +7,6 @@ use super::Export;
 use dissectors::event::{Break, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::{BusInfo, Heard, Record, Sink};
-use pcap_file::DataLink;
 use pcap_file::pcapng::PcapNgWriter;
 use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPacketOption};
 use pcap_file::pcapng::blocks::interface_description::{
@@ -18,6 +17,7 @@ use pcap_file::pcapng::blocks::interface_statistics::{
 };
 use pcap_file::pcapng::blocks::opt_common::CommonOption;
 use pcap_file::pcapng::blocks::section_header::{SectionHeaderBlock, SectionHeaderOption};
+use pcap_file::{DataLink, Endianness};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
@@ -76,6 +76,8 @@ impl<W: Write> PcapNg<W> {
     pub fn new(out: W) -> io::Result<Self> {
         let program = concat!("fieldtap ", env!("CARGO_PKG_VERSION"));
         let section = SectionHeaderBlock {
+            // Wireshark takes nothing else through a pipe.
+            endianness: Endianness::Little,
             options: vec![SectionHeaderOption::UserApplication(Cow::Borrowed(program))],
             ..SectionHeaderBlock::default()
         };
