@@ -4,10 +4,10 @@ pub mod asc;
 pub mod candump;
 pub mod console;
 mod date;
-mod hex;
+pub mod hex;
 mod log;
 pub mod packet;
-mod report;
+pub mod report;
 pub mod trc;
 
 pub use log::{Grammar, Log};

@@ -8,6 +8,8 @@ mod can;
 mod serial;
 mod slcan;
 
+pub use slcan::fuzz as fuzz_slcan;
+
 use super::outbox::{Outbox, Reader};
 use super::{Piece, Source, SourceError, SourceOptions};
 use crate::interrupt;
