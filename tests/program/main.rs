@@ -6,6 +6,8 @@ mod conversions;
 mod endings;
 mod harness;
 mod live;
+#[cfg(target_os = "linux")]
+mod live_can;
 mod peers;
 mod real_captures;
 mod selection;
