@@ -17,6 +17,9 @@ pub trait Consumer: Sink {
     /// Takes what the user should know about a source that goes on.
     fn warn(&mut self, warning: &SourceError);
 
+    /// Takes what a live tap found out about itself.
+    fn note(&mut self, line: &str);
+
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, bus: &BusInfo, end: Moment);
 }
@@ -74,26 +77,37 @@ impl Pipeline {
         while consumer.goes_on() {
             match source.next_piece()? {
                 None => break,
-                Some(Piece::Bus(info, facts)) => {
-                    let number = self.channel(info, facts, &numbers, consumer);
-                    numbers.push(number);
-                }
-                Some(Piece::Heard(number, event)) => {
-                    let Channel { bus, wire, .. } = self.channels[numbers[number]];
-                    let mut out = Output::new(&mut self.last_number, &mut *consumer);
-                    self.buses[bus].hear_wire(wire, event, &mut out);
-                }
-                Some(Piece::Comment(number, time, text)) => {
-                    let bus = self.channels[numbers[number]].bus;
-                    consumer.comment(self.buses[bus].info(), time, text);
-                }
-                Some(Piece::Warning(warning)) => consumer.warn(&warning),
-                Some(Piece::End(number, end)) => {
-                    self.ends[self.channels[numbers[number]].bus] = end;
-                }
+                Some(piece) => self.take(piece, &mut numbers, consumer),
+            }
+        }
+        if source.stop() {
+            while let Some(piece) = source.next_piece()? {
+                self.take(piece, &mut numbers, consumer);
             }
         }
         Ok(())
+    }
+
+    /// Takes a piece of a source whose channels have these numbers here.
+    fn take(&mut self, piece: Piece<'_>, numbers: &mut Vec<usize>, consumer: &mut dyn Consumer) {
+        match piece {
+            Piece::Bus(info, facts) => {
+                let number = self.channel(info, facts, numbers, consumer);
+                numbers.push(number);
+            }
+            Piece::Heard(number, event) => {
+                let Channel { bus, wire, .. } = self.channels[numbers[number]];
+                let mut out = Output::new(&mut self.last_number, &mut *consumer);
+                self.buses[bus].hear_wire(wire, event, &mut out);
+            }
+            Piece::Comment(number, time, text) => {
+                let bus = self.channels[numbers[number]].bus;
+                consumer.comment(self.buses[bus].info(), time, text);
+            }
+            Piece::Warning(warning) => consumer.warn(&warning),
+            Piece::Note(line) => consumer.note(&line),
+            Piece::End(number, end) => self.ends[self.channels[numbers[number]].bus] = end,
+        }
     }
 
     /// The number of a channel that appears in a source which has these already.

@@ -15,6 +15,8 @@ mod harness;
 mod healthy;
 mod lines;
 mod live;
+#[cfg(target_os = "linux")]
+mod live_can;
 mod peers;
 mod process_words;
 mod real_captures;

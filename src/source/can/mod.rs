@@ -7,7 +7,7 @@ mod date;
 pub mod hex;
 mod log;
 pub mod packet;
-mod report;
+pub mod report;
 pub mod trc;
 
 pub use log::{Grammar, Log};

@@ -46,8 +46,10 @@ const FD_FLAGS: u8 = 0x07;
 /// The mark of a CAN XL frame, where a classic one has its length.
 const XL: u8 = 0x80;
 
-/// Bytes before the data, and those of a whole CAN FD frame.
+/// Bytes before the data, and those of a whole frame, classic or of CAN FD.
 const HEADER: usize = 8;
+#[cfg(target_os = "linux")]
+const WHOLE_CLASSIC: usize = 16;
 const WHOLE_FD: usize = 72;
 
 /// Most data bytes.
@@ -229,6 +231,24 @@ fn cooking(packet: &[u8], form: Form) -> IResult<&[u8], Cooking> {
             None => Err(short(packet)),
         },
     }
+}
+
+/// A frame as a socket of this host hands it out (`linux/can.h`): its size tells whether it is one
+/// of CAN FD, and its identifier is in this host's byte order. `None` for what is neither.
+#[cfg(target_os = "linux")]
+pub fn of_socket(bytes: &[u8], at: Moment, uncertainty: u32) -> Option<Frame> {
+    let protocol = match bytes.len() {
+        WHOLE_CLASSIC => ETH_P_CAN,
+        WHOLE_FD => ETH_P_CANFD,
+        _ => return None,
+    };
+    let order = if cfg!(target_endian = "big") { Endianness::Big } else { Endianness::Little };
+    let (data, mut header) = header(bytes, order).ok()?;
+    if protocol == ETH_P_CAN {
+        // Mere padding.
+        header.flags = 0;
+    }
+    Some(header.frame(data, Some(protocol), at, uncertainty))
 }
 
 /// What stands before the data of a frame.

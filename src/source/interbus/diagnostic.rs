@@ -137,7 +137,7 @@ impl Columns {
         };
         let time = stamps.read(cell(self.date)?, cell(self.time)?);
         let (start, uncertainty) = time.ok_or("the time is neither a number nor a date")?;
-        let of_status = |status| {
+        let of_status = |status| -> Result<Row, &'static str> {
             let status = words.short(status).ok_or("the status is not a word of 16 bits")?;
             let parameter = match cell(self.parameter)? {
                 b"" => None,
@@ -145,12 +145,12 @@ impl Columns {
             };
             Ok(Row::new(None, Content::Diagnostic { status, parameter }))
         };
-        let of_slave = |slave| {
+        let of_slave = |slave| -> Result<Row, &'static str> {
             let device = device(cell(self.device)?).ok_or("there is no such device: 1 to 512")?;
             let byte = words.byte(slave).ok_or("the state of a slave is not a byte")?;
             Ok(Row::new(Some(device), Content::SlaveDiagnostic(byte)))
         };
-        let said = |column| Ok(Some(cell(column)?).filter(|cell| !cell.is_empty()));
+        let said = |column| cell(column).map(|cell| Some(cell).filter(|cell| !cell.is_empty()));
         let told = [
             said(self.status)?.map(of_status).transpose()?,
             said(self.slave)?.map(of_slave).transpose()?,

@@ -1,0 +1,377 @@
+//! An adapter and what it is told. All that is ever written to it stands in [`Command`].
+
+use super::split::{Saying, Splitter};
+use std::io::{self, Read, Write};
+use std::ops::{ControlFlow, Range};
+use std::time::{Duration, Instant};
+
+/// How long an answer is waited for.
+const ANSWER: Duration = Duration::from_millis(500);
+
+/// Bit rates in bit/s, in the order of the numbers that `S` takes (Lawicel manual).
+const RATES: [u32; 9] =
+    [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
+
+/// Most bytes of an adapter's name that are kept.
+const LONGEST_NAME: usize = 16;
+
+/// A bit rate that adapters have.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Rate(u8);
+
+impl Rate {
+    /// That of so many bit/s.
+    ///
+    /// # Errors
+    /// Adapters do not have it: which ones they have.
+    pub fn new(bitrate: u32) -> Result<Rate, String> {
+        let rate = RATES.iter().position(|rate| *rate == bitrate);
+        rate.and_then(|number| u8::try_from(number).ok()).map(Rate).ok_or_else(|| {
+            let rates: Vec<String> = RATES.iter().map(u32::to_string).collect();
+            format!("adapters have no {bitrate} bit/s: they have {}", rates.join(", "))
+        })
+    }
+
+    /// Its bit/s.
+    pub fn get(self) -> u32 {
+        RATES[usize::from(self.0)]
+    }
+}
+
+/// What an adapter is told.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Command {
+    /// Leave the bus.
+    Close,
+    Version,
+    SerialNumber,
+    Rate(Rate),
+    /// Stamp frames.
+    Stamps,
+    /// Hear, and acknowledge nothing.
+    ListenOnly,
+}
+
+impl Command {
+    fn bytes(self) -> [u8; 3] {
+        match self {
+            Command::Close => *b"C\r\0",
+            Command::Version => *b"V\r\0",
+            Command::SerialNumber => *b"N\r\0",
+            Command::Rate(rate) => [b'S', b'0' + rate.0, b'\r'],
+            Command::Stamps => *b"Z1\r",
+            Command::ListenOnly => *b"L\r\0",
+        }
+    }
+
+    /// Whether a line answers it. A frame may still come in between.
+    fn is_answered_by(self, line: &[u8]) -> bool {
+        match self {
+            Command::Version => matches!(line, [b'V', ..]),
+            Command::SerialNumber => matches!(line, [b'N', ..]),
+            _ => line.is_empty(),
+        }
+    }
+}
+
+/// How a command was answered.
+#[derive(Clone, PartialEq, Eq, Debug)]
+enum Answer {
+    Done(String),
+    Refused,
+    /// Not at all.
+    None,
+}
+
+/// What is known of an adapter that listens.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Setting {
+    /// Version and serial number, if it told them.
+    pub name: String,
+    /// The bit rate it was set to.
+    pub rate: Rate,
+    /// Whether it stamps frames.
+    pub has_stamps: bool,
+    /// Whether it said that it is listen-only. Else it said nothing.
+    pub is_confirmed: bool,
+}
+
+/// Why an adapter cannot be listened to.
+#[derive(Debug)]
+pub enum Problem {
+    /// The port failed.
+    Port(io::Error),
+    /// What it did, and what to do.
+    Adapter(String),
+}
+
+impl From<io::Error> for Problem {
+    fn from(error: io::Error) -> Self {
+        Problem::Port(error)
+    }
+}
+
+/// An adapter on a port that gives up reading after a while.
+pub struct Adapter<P: Read + Write> {
+    port: P,
+    splitter: Splitter,
+    buffer: Box<[u8]>,
+    /// What of the buffer was read and not yet looked at.
+    unread: Range<usize>,
+}
+
+impl<P: Read + Write> Adapter<P> {
+    /// On this port. Nothing is written yet.
+    pub fn new(port: P) -> Self {
+        let (splitter, buffer) = (Splitter::default(), vec![0; 4096].into());
+        Adapter { port, splitter, buffer, unread: 0..0 }
+    }
+
+    /// Has it listen at a bit rate, and stamp frames if it can.
+    ///
+    /// # Errors
+    /// The port failed, or the adapter does not listen: whatever it does not confirm counts as
+    /// refused, unless it may be active.
+    pub fn listen(&mut self, rate: Rate, may_be_active: bool) -> Result<Setting, Problem> {
+        let problem = |what: String| Err(Problem::Adapter(what));
+        self.splitter.forget();
+        if !matches!(self.ask(Command::Close)?, Answer::Done(_)) {
+            // It was closed already, or took this for the end of what another program began.
+            self.ask(Command::Close)?;
+        }
+        let mut name = String::new();
+        for command in [Command::Version, Command::SerialNumber] {
+            if let Answer::Done(told) = self.ask(command)? {
+                name.push_str(if name.is_empty() { "" } else { " " });
+                name.push_str(&told);
+            }
+        }
+        let is_set = self.ask(Command::Rate(rate))?;
+        if is_set == Answer::Refused {
+            return problem(format!("the adapter refuses {} bit/s", rate.get()));
+        }
+        let has_stamps = matches!(self.ask(Command::Stamps)?, Answer::Done(_));
+        let listens = self.ask(Command::ListenOnly)?;
+        match listens {
+            Answer::Done(_) => {}
+            Answer::Refused => {
+                return problem(
+                    "the adapter refuses L, to listen only: it could only acknowledge what it \
+                     hears, and so take part in the traffic. Take another one, or newer firmware"
+                        .to_owned(),
+                );
+            }
+            Answer::None if may_be_active => {}
+            Answer::None => {
+                let is_mute = name.is_empty() && is_set == Answer::None;
+                return problem(if is_mute {
+                    "nothing answers: is it an adapter that speaks slcan, and the right port? For \
+                     one that never answers, add --allow-active"
+                        .to_owned()
+                } else {
+                    "the adapter does not confirm L, to listen only: it may acknowledge what it \
+                     hears, and so take part in the traffic. If it may, add --allow-active"
+                        .to_owned()
+                });
+            }
+        }
+        let is_confirmed = listens != Answer::None;
+        Ok(Setting { name, rate, has_stamps, is_confirmed })
+    }
+
+    /// Writes a command and waits for its answer.
+    fn ask(&mut self, command: Command) -> io::Result<Answer> {
+        let bytes = command.bytes();
+        let length = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+        self.port.write_all(&bytes[..length])?;
+        self.port.flush()?;
+        let (begin, mut answer) = (Instant::now(), Answer::None);
+        while answer == Answer::None && begin.elapsed() < ANSWER {
+            self.read_while(|saying| {
+                answer = match saying {
+                    Saying::Refusal => Answer::Refused,
+                    Saying::Line(line) if command.is_answered_by(line) => {
+                        let line = &line[..line.len().min(LONGEST_NAME)];
+                        Answer::Done(String::from_utf8_lossy(line).into_owned())
+                    }
+                    Saying::Line(_) | Saying::TooLong => return ControlFlow::Continue(()),
+                };
+                ControlFlow::Break(())
+            })?;
+        }
+        Ok(answer)
+    }
+
+    /// Reads once, and hands over what the adapter said. False where it said nothing.
+    ///
+    /// # Errors
+    /// The port is gone.
+    pub fn read(&mut self, mut take: impl FnMut(Saying<'_>)) -> io::Result<bool> {
+        self.read_while(|saying| {
+            take(saying);
+            ControlFlow::Continue(())
+        })
+    }
+
+    /// The same, for as long as more is wanted. The rest is for who reads next.
+    fn read_while(
+        &mut self,
+        mut take: impl FnMut(Saying<'_>) -> ControlFlow<()>,
+    ) -> io::Result<bool> {
+        let Adapter { port, splitter, buffer, unread } = self;
+        if Range::is_empty(unread) {
+            *unread = match port.read(buffer) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(count) => 0..count,
+                Err(error) if is_pause(&error) => return Ok(false),
+                Err(error) => return Err(error),
+            };
+        }
+        for index in unread {
+            if let Some(saying) = splitter.take(buffer[index])
+                && take(saying).is_break()
+            {
+                break;
+            }
+        }
+        Ok(true)
+    }
+}
+
+fn is_pause(error: &io::Error) -> bool {
+    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), TimedOut | WouldBlock | Interrupted)
+}
+
+impl<P: Read + Write> Drop for Adapter<P> {
+    /// Has it leave the bus. Nothing can be done where it does not.
+    fn drop(&mut self) {
+        let _ = self.port.write_all(b"C\r").and_then(|()| self.port.flush());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+    use std::collections::VecDeque;
+    use std::rc::Rc;
+
+    /// An adapter that answers each command as its script says, and keeps what was written.
+    struct Script {
+        answers: fn(&str) -> &'static str,
+        told: VecDeque<u8>,
+        heard: Rc<RefCell<String>>,
+    }
+
+    impl Read for Script {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            if self.told.is_empty() {
+                std::thread::sleep(Duration::from_millis(1));
+                return Err(io::ErrorKind::TimedOut.into());
+            }
+            // Bytes come one by one, as over a slow line.
+            self.told.read(&mut buffer[..1])
+        }
+    }
+
+    impl Write for Script {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let command = std::str::from_utf8(bytes).expect("commands are text");
+            self.heard.borrow_mut().push_str(command);
+            self.told.extend((self.answers)(command).bytes());
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// What came of it, and everything that was written until the adapter was let go.
+    fn listen(
+        answers: fn(&str) -> &'static str,
+        may_be_active: bool,
+    ) -> (Result<Setting, String>, String) {
+        let heard = Rc::new(RefCell::new(String::new()));
+        let told = VecDeque::new();
+        let mut adapter = Adapter::new(Script { answers, told, heard: Rc::clone(&heard) });
+        let rate = Rate::new(125_000).expect("adapters have it");
+        let setting = adapter.listen(rate, may_be_active).map_err(|problem| match problem {
+            Problem::Adapter(what) => what,
+            Problem::Port(error) => error.to_string(),
+        });
+        drop(adapter);
+        let heard = heard.borrow().replace('\r', " ");
+        (setting, heard)
+    }
+
+    #[test]
+    fn a_good_adapter_is_asked_and_set_and_closed_and_nothing_else() {
+        let (setting, heard) = listen(
+            |command| match command {
+                "V\r" => "V1013\r",
+                "N\r" => "NA123\r",
+                _ => "\r",
+            },
+            false,
+        );
+        let setting = setting.expect("it listens");
+        assert_eq!(setting.name, "V1013 NA123");
+        assert!(setting.has_stamps && setting.is_confirmed);
+        assert_eq!(heard, "C V N S4 Z1 L C ");
+    }
+
+    #[test]
+    fn one_that_was_open_may_still_send_frames_and_need_not_have_stamps() {
+        let (setting, heard) = listen(
+            |command| match command {
+                "C\r" => "3C10\rt1230\r\x07",
+                "V\r" => "t1230\rV0102\r",
+                "N\r" | "Z1\r" => "\x07",
+                _ => "\r",
+            },
+            false,
+        );
+        let setting = setting.expect("it listens");
+        assert_eq!((setting.name.as_str(), setting.has_stamps), ("V0102", false));
+        assert_eq!(heard, "C C V N S4 Z1 L C ");
+    }
+
+    #[test]
+    fn one_that_does_not_know_listen_only_is_refused_and_never_opened() {
+        let answers: fn(&str) -> &'static str =
+            |command| if command == "L\r" { "\x07" } else { "\r" };
+        for may_be_active in [false, true] {
+            let (setting, heard) = listen(answers, may_be_active);
+            let what = setting.expect_err("it would take part");
+            assert!(what.contains("refuses L"), "{what}");
+            assert!(heard.ends_with("L C ") && !heard.contains('O'), "{heard}");
+        }
+    }
+
+    #[test]
+    fn one_that_does_not_confirm_is_refused_unless_it_may_be_active() {
+        let (setting, _) = listen(|_| "", false);
+        assert!(setting.expect_err("it is mute").contains("nothing answers"));
+        let but_listen: fn(&str) -> &'static str =
+            |command| if command == "L\r" { "" } else { "\r" };
+        let (setting, _) = listen(but_listen, false);
+        assert!(setting.expect_err("it may take part").contains("does not confirm L"));
+        let (setting, _) = listen(but_listen, true);
+        assert!(!setting.expect("the user knows").is_confirmed);
+    }
+
+    #[test]
+    fn a_bit_rate_that_it_does_not_have_is_told() {
+        let (setting, _) = listen(|command| if command == "S4\r" { "\x07" } else { "\r" }, false);
+        assert_eq!(setting.expect_err("it refuses"), "the adapter refuses 125000 bit/s");
+        let what = Rate::new(123_456).expect_err("nobody has it");
+        assert!(
+            what.ends_with("10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000")
+        );
+        let numbers =
+            [10_000, 125_000, 250_000, 500_000, 1_000_000].map(|b| Rate::new(b).map(|r| r.0));
+        assert_eq!(numbers, [Ok(0), Ok(4), Ok(5), Ok(6), Ok(8)]);
+    }
+}

@@ -1,0 +1,322 @@
+//! What an adapter says, as frames with times.
+
+use super::super::super::outbox::Outbox;
+use super::super::super::rows::shown;
+use super::super::super::{Place, SourceError};
+use super::adapter::{Adapter, Setting};
+use super::clock::{AdapterClock, HostClock};
+use super::line::{self, Line};
+use super::search::Search;
+use super::split::Saying;
+use dissectors::bus::WireFacts;
+use dissectors::can::{Direction, Frame};
+use dissectors::event::{Clock, Loss, LossCause, Moment};
+use dissectors::protocol::Medium;
+use dissectors::record::BusInfo;
+use dissectors::uart::Baud;
+use std::io::{self, Read, Write};
+
+/// There is but one bus.
+const BUS: usize = 0;
+
+/// ± of an adapter's stamp in ns: it counts milliseconds.
+const STAMP_NS: u32 = 1_000_000;
+
+/// ± of the time when a line was read, in ns: it takes 2 ms on the port, and the system hands it
+/// over some milliseconds later.
+const READ_NS: u32 = 10_000_000;
+
+/// How much later than its stamp a line may be read, beyond what the one before was, in ns.
+const LATENCY_NS: i64 = 50_000_000;
+
+/// Lines that are told of one by one because they are no frames.
+const MOST_TOLD: u32 = 20;
+
+/// Listens to an adapter.
+pub struct Ear {
+    name: String,
+    source: String,
+    host: HostClock,
+    stamps: AdapterClock,
+    is_announced: bool,
+    /// Lines that are no frames.
+    garbled: u32,
+    /// The last line was none: what was lost with it was told.
+    is_garbled: bool,
+    is_stamp_missed: bool,
+}
+
+impl Ear {
+    /// Of the bus of this name, and the source as the user named it.
+    pub fn new(name: &str, source: &str) -> Self {
+        Ear {
+            name: name.to_owned(),
+            source: source.to_owned(),
+            host: HostClock::new(),
+            stamps: AdapterClock::default(),
+            is_announced: false,
+            garbled: 0,
+            is_garbled: false,
+            is_stamp_missed: false,
+        }
+    }
+
+    /// The adapter begins anew, and so may its clock.
+    pub fn begin(&mut self) {
+        self.stamps.forget();
+    }
+
+    /// Lets the bus appear, and says how the adapter is set; once.
+    pub fn announce(&mut self, setting: &Setting, out: &mut Outbox) {
+        if self.is_announced {
+            return;
+        }
+        self.is_announced = true;
+        let baud = Baud::new(setting.rate.get());
+        let facts = WireFacts { medium: Some(Medium::Can), baud, ..WireFacts::default() };
+        let clock = if setting.has_stamps { Clock::Hardware } else { Clock::Read };
+        out.bus(BusInfo::new(self.name.clone(), Some(clock)), facts);
+        out.note(format!("{}: {}", self.source, describe(setting)));
+    }
+
+    /// Reads once, and says what was heard, or that nothing was.
+    ///
+    /// # Errors
+    /// The port is gone.
+    pub fn listen<P: Read + Write>(
+        &mut self,
+        port: &mut Adapter<P>,
+        setting: &Setting,
+        out: &mut Outbox,
+    ) -> io::Result<()> {
+        if port.read(|saying| self.hear(saying, setting, out))? {
+            return Ok(());
+        }
+        let now = self.host.now();
+        let until = match setting.has_stamps {
+            true => self.stamps.shown(now).plus(-LATENCY_NS),
+            // What is read from now on has later times.
+            false => now,
+        };
+        out.silence(BUS, until);
+        Ok(())
+    }
+
+    /// Reads once, and tells what was heard to who looks for the bit rate.
+    ///
+    /// # Errors
+    /// The port is gone.
+    pub fn listen_for_rate<P: Read + Write>(
+        &mut self,
+        port: &mut Adapter<P>,
+        setting: &Setting,
+        search: &mut Search,
+    ) -> io::Result<()> {
+        port.read(|saying| match understand(saying) {
+            Some(Line::Frame(frame, ms)) => search.hear(self.stamp(frame, ms, setting)),
+            Some(Line::Reports(reports)) => {
+                reports.frames(self.host.now(), READ_NS).for_each(|frame| search.hear(frame));
+            }
+            Some(Line::Answer) => {}
+            None => search.err(),
+        })?;
+        Ok(())
+    }
+
+    /// The capture ends.
+    pub fn end(&self, out: &mut Outbox) {
+        if self.is_announced {
+            out.end(BUS, self.now());
+        }
+    }
+
+    /// When something was lost that begins now.
+    pub fn now(&self) -> Moment {
+        self.stamps.shown(self.host.now())
+    }
+
+    fn hear(&mut self, saying: Saying<'_>, setting: &Setting, out: &mut Outbox) {
+        let Some(line) = understand(saying) else {
+            self.tell_garbled(saying, out);
+            return;
+        };
+        self.is_garbled = false;
+        match line {
+            Line::Frame(frame, ms) => {
+                if setting.has_stamps && ms.is_none() && !self.is_stamp_missed {
+                    self.is_stamp_missed = true;
+                    let what = "the adapter said it would stamp frames, and does not: they have \
+                                the time when they were read";
+                    out.warning(SourceError::new(&self.source, Place::Whole, what));
+                }
+                out.frame(BUS, self.stamp(frame, ms, setting));
+            }
+            Line::Reports(reports) => {
+                let at = self.now();
+                reports.frames(at, READ_NS).for_each(|frame| out.frame(BUS, frame));
+            }
+            Line::Answer => {}
+        }
+    }
+
+    /// A frame with its time.
+    fn stamp(&mut self, mut frame: Frame, ms: Option<u16>, setting: &Setting) -> Frame {
+        let read = self.host.now();
+        (frame.start, frame.uncertainty) = match ms.filter(|_| setting.has_stamps) {
+            Some(ms) => (self.stamps.at(ms, read), STAMP_NS),
+            None => (self.stamps.shown(read), READ_NS),
+        };
+        // Nothing is sent through an adapter that listens only.
+        frame.direction = Some(Direction::Received);
+        frame
+    }
+
+    /// A line is no frame: one was lost, or some.
+    fn tell_garbled(&mut self, saying: Saying<'_>, out: &mut Outbox) {
+        if !self.is_garbled {
+            self.is_garbled = true;
+            let start = self.now();
+            out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
+        }
+        self.garbled = self.garbled.saturating_add(1);
+        if self.garbled > MOST_TOLD {
+            return;
+        }
+        let line = match saying {
+            Saying::Line(line) => shown(line),
+            Saying::TooLong => "a line without an end".to_owned(),
+            Saying::Refusal => return,
+        };
+        let more = match self.garbled {
+            MOST_TOLD => ". More such lines are not told",
+            _ => "",
+        };
+        let what = format!("not a frame: {line}. Bytes are lost on the port{more}");
+        out.warning(SourceError::new(&self.source, Place::Whole, what));
+    }
+}
+
+/// What the adapter means; `None` for what is no line.
+fn understand(saying: Saying<'_>) -> Option<Line> {
+    match saying {
+        Saying::Line(line) => line::parse(line),
+        // Nothing was asked.
+        Saying::Refusal => Some(Line::Answer),
+        Saying::TooLong => None,
+    }
+}
+
+/// How an adapter is set, for people.
+fn describe(setting: &Setting) -> String {
+    let name = if setting.name.is_empty() { "of no name" } else { &setting.name };
+    let mode = match setting.is_confirmed {
+        true => "listen-only",
+        false => "told to listen only, which it does not confirm",
+    };
+    let times = match setting.has_stamps {
+        true => "its own time stamps ±1 ms",
+        false => "times of reading ±10 ms",
+    };
+    format!("adapter {name}, {mode}, {} bit/s, {times}", setting.rate.get())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::super::Piece;
+    use super::super::adapter::Rate;
+    use super::*;
+    use dissectors::event::Event;
+
+    /// What is said of these bytes of an adapter, a word a piece.
+    fn hear(bytes: &[u8], has_stamps: bool) -> Vec<String> {
+        struct Port<'a>(&'a [u8]);
+        impl Read for Port<'_> {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                match self.0.read(buffer) {
+                    Ok(0) => Err(io::ErrorKind::TimedOut.into()),
+                    other => other,
+                }
+            }
+        }
+        impl Write for Port<'_> {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let rate = Rate::new(500_000).expect("adapters have it");
+        let setting = Setting { name: String::new(), rate, has_stamps, is_confirmed: true };
+        let (mut ear, mut out) = (Ear::new("tty", "slcan:tty"), Outbox::default());
+        let mut port = Adapter::new(Port(bytes));
+        ear.announce(&setting, &mut out);
+        ear.listen(&mut port, &setting, &mut out).expect("the port is there");
+        ear.listen(&mut port, &setting, &mut out).expect("the port is there");
+        let mut said = Vec::new();
+        let mut first = None;
+        while let Some(piece) = out.next() {
+            match piece.expect("it goes on") {
+                Piece::Bus(info, facts) => {
+                    let clock = info.clock.map(Clock::name);
+                    said.push(format!("{} {clock:?} {:?}", info.name, facts.baud.map(Baud::get)));
+                }
+                Piece::Heard(_, Event::Frames(frames)) => {
+                    for frame in frames {
+                        let begin = *first.get_or_insert(frame.start);
+                        let ms = frame.start.since(begin).expect("times are known") / 1_000_000;
+                        said.push(format!("{:X} +{ms}", frame.id.value()));
+                    }
+                }
+                Piece::Heard(_, Event::Lost(loss)) => said.push(format!("lost {:?}", loss.count)),
+                Piece::Heard(_, Event::Advance(_)) => said.push("silence".to_owned()),
+                Piece::Warning(warning) => said.push(warning.to_string()),
+                Piece::Note(note) => said.push(note),
+                _ => panic!("nothing else is said"),
+            }
+        }
+        said
+    }
+
+    #[test]
+    fn frames_have_the_adapters_times() {
+        let said = hear(b"t1230EA5A\rt45600003\rT000001230000D\r", true);
+        let note = "slcan:tty: adapter of no name, listen-only, 500000 bit/s, its own time stamps \
+                    ±1 ms";
+        let frames = ["123 +0", "456 +9", "123 +19", "silence"];
+        assert_eq!(said[..2], ["tty Some(\"hardware\") Some(500000)", note]);
+        assert_eq!(said[2..], frames);
+    }
+
+    #[test]
+    fn without_stamps_the_time_of_reading_is_taken() {
+        let said = hear(b"t1230\rt4560\r", false);
+        assert_eq!(said[0], "tty Some(\"read\") Some(500000)");
+        assert_eq!(said[2..], ["123 +0", "456 +0", "silence"]);
+        // One that promised stamps is told once.
+        let said = hear(b"t1230\rt4560\r", true);
+        assert!(said[2].contains("does not"), "{said:?}");
+        assert_eq!(said[3..], ["123 +0", "456 +0", "silence"]);
+    }
+
+    #[test]
+    fn garbage_is_a_warning_and_one_loss_until_a_good_line_comes() {
+        let said = hear(b"t1230\rt12\x80\rgarbage\rt4560\rt4561\r\r\x07", false);
+        let told =
+            |line: &str| format!("slcan:tty: not a frame: {line}. Bytes are lost on the port");
+        assert_eq!(said[2..4], ["123 +0", "lost None"]);
+        assert!(said[4].starts_with("slcan:tty: not a frame: "), "{said:?}");
+        assert_eq!(said[5], told(&shown(b"garbage")));
+        assert_eq!(said[6..8], ["456 +0", "lost None"]);
+        assert_eq!(said[8], told(&shown(b"t4561")));
+        assert_eq!(said[9..], ["silence"]);
+    }
+
+    #[test]
+    fn garbage_without_end_is_not_told_without_end() {
+        let said = hear(&b"x\r".repeat(1000), false);
+        // The bus, how it is set, the loss, the lines, the silence.
+        assert_eq!(said.len(), 3 + MOST_TOLD as usize + 1);
+        assert!(said[2 + MOST_TOLD as usize].ends_with("More such lines are not told"));
+    }
+}

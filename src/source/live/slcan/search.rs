@@ -1,0 +1,167 @@
+//! Finding the bit rate by listening at each that DeviceNet has. At another rate than that of the
+//! bus, a controller hears no frame, only errors.
+
+use super::adapter::Rate;
+use dissectors::can::{ErrorDetail, Frame, FrameKind};
+use std::time::{Duration, Instant};
+
+/// The rates of DeviceNet (CIP Vol 3 §8), the usual one first.
+const RATES: [u32; 3] = [125_000, 250_000, 500_000];
+
+/// How long each is listened to.
+const WINDOW: Duration = Duration::from_secs(2);
+
+/// Most frames that are kept to be told once the rate is known: more than come in that time.
+const MOST: usize = 16_384;
+
+/// Listening at one rate after the other.
+pub struct Search {
+    rate: usize,
+    until: Instant,
+    /// What was heard at this rate.
+    frames: Vec<Frame>,
+    errors: u64,
+    /// Frames and errors at the rates before.
+    heard: Vec<(usize, u64)>,
+}
+
+/// What comes next.
+pub enum Step {
+    /// Go on listening.
+    Wait,
+    /// Listen at the next rate.
+    Next(Rate),
+    /// This is the rate; the adapter listens at it, and heard these frames.
+    Found(Vec<Frame>),
+    /// This may be the rate: frames came, and errors too. The adapter listens at another one.
+    Likely(Rate),
+    /// None is: why.
+    Failed(String),
+}
+
+impl Search {
+    /// Begins with the first rate.
+    pub fn begin(now: Instant) -> Self {
+        let (frames, heard) = (Vec::new(), Vec::new());
+        Search { rate: 0, until: now + WINDOW, frames, errors: 0, heard }
+    }
+
+    /// The rate that is listened to.
+    pub fn rate(&self) -> Rate {
+        rate(self.rate)
+    }
+
+    /// Begins to listen at the rate.
+    pub fn begin_window(self, now: Instant) -> Self {
+        Search { until: now + WINDOW, ..self }
+    }
+
+    /// A frame was heard, or an error frame.
+    pub fn hear(&mut self, frame: Frame) {
+        match frame.kind {
+            FrameKind::Error => {
+                let detail = ErrorDetail::of(&frame);
+                if !detail.is_some_and(|detail| detail.is_recovery()) {
+                    self.err();
+                }
+            }
+            _ if self.frames.len() < MOST => self.frames.push(frame),
+            _ => {}
+        }
+    }
+
+    /// Something that is no frame was heard.
+    pub fn err(&mut self) {
+        self.errors = self.errors.saturating_add(1);
+    }
+
+    /// What is to be done now.
+    pub fn step(&mut self, now: Instant) -> Step {
+        if now < self.until {
+            return Step::Wait;
+        }
+        let frames = std::mem::take(&mut self.frames);
+        let errors = std::mem::take(&mut self.errors);
+        if !frames.is_empty() && errors == 0 {
+            return Step::Found(frames);
+        }
+        self.heard.push((frames.len(), errors));
+        self.rate += 1;
+        if self.rate < RATES.len() {
+            return Step::Next(self.rate());
+        }
+        let best = (0..RATES.len()).max_by_key(|index| (self.heard[*index].0, RATES.len() - index));
+        match best {
+            Some(best) if self.heard[best].0 > 0 => Step::Likely(rate(best)),
+            _ => Step::Failed(self.failure()),
+        }
+    }
+
+    fn failure(&self) -> String {
+        let told = RATES.iter().zip(&self.heard).map(|(rate, (_, errors))| match errors {
+            0 => format!("nothing at {rate}"),
+            errors => format!("{errors} errors at {rate}"),
+        });
+        let told: Vec<String> = told.collect();
+        format!(
+            "no frame was heard: {} bit/s. Is the bus running, CAN_H and CAN_L not swapped? A bus \
+             that is silent for a while, or has another rate, needs --bitrate",
+            told.join(", ")
+        )
+    }
+}
+
+fn rate(index: usize) -> Rate {
+    let bitrate = RATES[index.min(RATES.len() - 1)];
+    Rate::new(bitrate).unwrap_or_else(|what| unreachable!("{what}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dissectors::can::Identifier;
+    use dissectors::event::Moment;
+
+    const FRAME: Frame =
+        Frame::new(Moment::UNKNOWN, 0, FrameKind::Data, Identifier::Standard(0x40D), 0);
+    const ERROR: Frame =
+        Frame::new(Moment::UNKNOWN, 0, FrameKind::Error, Identifier::Extended(0x80), 8);
+
+    /// What comes of so many frames and errors at the three rates.
+    fn search(heard: [(usize, usize); 3]) -> String {
+        let begin = Instant::now();
+        let mut search = Search::begin(begin);
+        for (window, (frames, errors)) in (1..).zip(heard) {
+            assert!(matches!(search.step(begin), Step::Wait));
+            (0..frames).for_each(|_| search.hear(FRAME));
+            (0..errors).for_each(|_| search.hear(ERROR));
+            match search.step(begin + WINDOW * window) {
+                Step::Wait => panic!("the time is up"),
+                Step::Next(_) => search = search.begin_window(begin + WINDOW * window),
+                Step::Found(frames) => return format!("{} {}", search.rate().get(), frames.len()),
+                Step::Likely(rate) => return format!("likely {}", rate.get()),
+                Step::Failed(why) => return why,
+            }
+        }
+        panic!("it goes on for ever")
+    }
+
+    #[test]
+    fn the_first_rate_with_frames_and_no_errors_is_it() {
+        assert_eq!(search([(1, 0), (0, 0), (0, 0)]), "125000 1");
+        assert_eq!(search([(0, 9), (7, 0), (0, 0)]), "250000 7");
+        assert_eq!(search([(0, 0), (0, 9), (90_000, 0)]), format!("500000 {MOST}"));
+    }
+
+    #[test]
+    fn a_disturbed_bus_still_has_frames_at_its_rate_alone() {
+        assert_eq!(search([(0, 50), (100, 3), (0, 50)]), "likely 250000");
+    }
+
+    #[test]
+    fn a_silent_bus_has_none() {
+        let why = search([(0, 0), (0, 4), (0, 0)]);
+        let told = "nothing at 125000, 4 errors at 250000, nothing at 500000 bit/s";
+        assert!(why.contains(told), "{why}");
+    }
+}

@@ -1,0 +1,202 @@
+//! Listening through an adapter, whatever becomes of it.
+
+use super::super::super::outbox::{Outbox, Reader};
+use super::super::super::{Place, SourceError, SourceOptions};
+use super::super::{LiveOptions, PATIENCE, Tap};
+use super::adapter::{Adapter, Problem, Rate, Setting};
+use super::ear::Ear;
+use super::search::{Search, Step};
+use dissectors::event::{Loss, LossCause};
+use serialport::SerialPort;
+use std::io;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// There is but one bus.
+const BUS: usize = 0;
+
+/// The rate of the port in Bd. Adapters on USB have none, and do not mind.
+const PORT_RATE: u32 = 115_200;
+
+/// How often an adapter that is gone is looked for.
+const RETURN: Duration = Duration::from_millis(500);
+
+type Port = Adapter<Box<dyn SerialPort>>;
+
+/// An adapter that is listened to.
+pub struct SlcanTap {
+    path: String,
+    source: String,
+    options: LiveOptions,
+    /// `None` once it failed.
+    state: Option<State>,
+    ear: Ear,
+}
+
+enum State {
+    Searching(Port, Setting, Search),
+    Listening(Port, Setting),
+    Gone { rate: Rate, next_look: Instant },
+}
+
+impl SlcanTap {
+    /// Opens the port of that path and has the adapter listen.
+    ///
+    /// # Errors
+    /// It does not: why, and what to do.
+    pub fn open(path: &str, options: &SourceOptions) -> Result<Self, SourceError> {
+        let source = format!("slcan:{path}");
+        let name = path.strip_prefix("/dev/").unwrap_or(path);
+        options.choose_only(name, &source)?;
+        let options = options.live.clone();
+        let whole = |what: String| SourceError::new(&source, Place::Whole, what);
+        let given = options.bitrate.map(Rate::new).transpose().map_err(whole)?;
+        let search = Search::begin(Instant::now());
+        let mut port = Adapter::new(open_port(path).map_err(|error| refusal(&source, &error))?);
+        let setting = port
+            .listen(given.unwrap_or(search.rate()), options.allow_active)
+            .map_err(|problem| because(&source, problem))?;
+        let state = Some(match given {
+            Some(_) => State::Listening(port, setting),
+            None => State::Searching(port, setting, search.begin_window(Instant::now())),
+        });
+        let ear = Ear::new(name, &source);
+        Ok(SlcanTap { path: path.to_owned(), source, options, state, ear })
+    }
+
+    fn error(&self, what: impl Into<String>) -> SourceError {
+        SourceError::new(&self.source, Place::Whole, what)
+    }
+
+    /// Has the adapter listen at another rate.
+    fn set(&mut self, port: &mut Port, rate: Rate) -> Result<Setting, SourceError> {
+        self.ear.begin();
+        port.listen(rate, self.options.allow_active)
+            .map_err(|problem| because(&self.source, problem))
+    }
+
+    /// Listens at a rate that may be that of the bus.
+    fn search(
+        &mut self,
+        (mut port, setting, mut search): (Port, Setting, Search),
+        out: &mut Outbox,
+    ) -> Result<State, SourceError> {
+        self.ear
+            .listen_for_rate(&mut port, &setting, &mut search)
+            .map_err(|error| because(&self.source, Problem::Port(error)))?;
+        match search.step(Instant::now()) {
+            Step::Wait => Ok(State::Searching(port, setting, search)),
+            Step::Next(rate) => {
+                let setting = self.set(&mut port, rate)?;
+                Ok(State::Searching(port, setting, search.begin_window(Instant::now())))
+            }
+            Step::Failed(why) => Err(self.error(why)),
+            Step::Found(frames) => {
+                self.ear.announce(&setting, out);
+                frames.into_iter().for_each(|frame| out.frame(BUS, frame));
+                Ok(State::Listening(port, setting))
+            }
+            Step::Likely(rate) => {
+                let setting = self.set(&mut port, rate)?;
+                self.ear.announce(&setting, out);
+                let what = "frames were heard at this bit rate alone, but errors too";
+                out.warning(self.error(what));
+                Ok(State::Listening(port, setting))
+            }
+        }
+    }
+
+    /// Listens for a moment.
+    fn listen(
+        &mut self,
+        mut port: Port,
+        setting: Setting,
+        out: &mut Outbox,
+    ) -> Result<State, SourceError> {
+        self.ear.announce(&setting, out);
+        match self.ear.listen(&mut port, &setting, out) {
+            Ok(()) => Ok(State::Listening(port, setting)),
+            Err(error) if !self.options.reconnect => {
+                Err(because(&self.source, Problem::Port(error)))
+            }
+            Err(_) => {
+                let start = self.ear.now();
+                out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
+                out.warning(self.error("the adapter is gone: waiting for it to come back"));
+                Ok(State::Gone { rate: setting.rate, next_look: Instant::now() + RETURN })
+            }
+        }
+    }
+
+    /// Looks whether it is back.
+    fn look(&mut self, rate: Rate, next_look: Instant, out: &mut Outbox) -> State {
+        thread::sleep(PATIENCE);
+        if Instant::now() < next_look {
+            return State::Gone { rate, next_look };
+        }
+        if let Ok(port) = open_port(&self.path) {
+            let mut port = Adapter::new(port);
+            // One that does not listen may not be awake yet.
+            if let Ok(setting) = self.set(&mut port, rate) {
+                out.note(format!("{}: the adapter is back", self.source));
+                return State::Listening(port, setting);
+            }
+        }
+        State::Gone { rate, next_look: Instant::now() + RETURN }
+    }
+}
+
+/// The port, as plain bytes. RTS and DTR stay as the system sets them: there is no line behind them
+/// but the adapter's, and many adapters speak only where DTR is on.
+fn open_port(path: &str) -> serialport::Result<Box<dyn SerialPort>> {
+    serialport::new(path, PORT_RATE).timeout(PATIENCE).open()
+}
+
+/// Why a port cannot be opened, and what to do.
+fn refusal(source: &str, error: &serialport::Error) -> SourceError {
+    use serialport::ErrorKind::{Io, NoDevice};
+    let what = match error.kind {
+        Io(io::ErrorKind::NotFound) => "there is no such port: is the adapter plugged in?",
+        Io(io::ErrorKind::PermissionDenied) => {
+            "this port may not be opened: `sudo usermod -aG dialout $USER`, and log in again"
+        }
+        NoDevice => "there is no adapter on this port, or another program has it open",
+        _ => "this port cannot be opened",
+    };
+    let cause = Some(io::Error::other(error.description.clone()));
+    SourceError { cause, ..SourceError::new(source, Place::Whole, what) }
+}
+
+/// Why an adapter is not listened to any more, or not at all.
+fn because(source: &str, problem: Problem) -> SourceError {
+    match problem {
+        Problem::Adapter(what) => SourceError::new(source, Place::Whole, what),
+        Problem::Port(cause) => {
+            let what = "the adapter is gone: was it unplugged? --reconnect waits for it";
+            SourceError { cause: Some(cause), ..SourceError::new(source, Place::Whole, what) }
+        }
+    }
+}
+
+impl Reader for SlcanTap {
+    fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
+        let state = match self.state.take() {
+            None => return Ok(false),
+            Some(State::Searching(port, setting, search)) => {
+                self.search((port, setting, search), out)?
+            }
+            Some(State::Listening(port, setting)) => self.listen(port, setting, out)?,
+            Some(State::Gone { rate, next_look }) => self.look(rate, next_look, out),
+        };
+        self.state = Some(state);
+        Ok(true)
+    }
+}
+
+impl Tap for SlcanTap {
+    fn end(&mut self, out: &mut Outbox) {
+        if let Some(State::Listening(..)) = self.state {
+            self.ear.end(out);
+        }
+    }
+}
