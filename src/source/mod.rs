@@ -14,6 +14,7 @@ mod lines;
 mod link;
 pub mod live;
 mod logic;
+mod marks;
 mod numbers;
 mod outbox;
 mod parmrk;
