@@ -219,6 +219,12 @@ impl Consumer for Desk<'_> {
         }
     }
 
+    fn note(&mut self, text: &str) {
+        if !self.is_quiet {
+            say!("fieldtap: {text}");
+        }
+    }
+
     fn end(&mut self, bus: &BusInfo, end: Moment) {
         self.export.end(bus, end);
     }

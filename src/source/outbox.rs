@@ -78,6 +78,7 @@ enum Waiting {
     Silence(usize, Moment),
     Comment(usize, Moment, Range<usize>),
     Warning(SourceError),
+    Note(Range<usize>),
     End(usize, Moment),
     Error(SourceError),
 }
@@ -158,9 +159,20 @@ impl Outbox {
 
     /// Somebody commented on what was heard at this time.
     pub fn comment(&mut self, bus: usize, at: Moment, text: &str) {
+        let text = self.keep(text);
+        self.waiting.push_back(Waiting::Comment(bus, at, text));
+    }
+
+    /// Something about the source that the user may want to know.
+    pub fn note(&mut self, text: &str) {
+        let text = self.keep(text);
+        self.waiting.push_back(Waiting::Note(text));
+    }
+
+    fn keep(&mut self, text: &str) -> Range<usize> {
         let first = self.text.len();
         self.text.push_str(text);
-        self.waiting.push_back(Waiting::Comment(bus, at, first..self.text.len()));
+        first..self.text.len()
     }
 
     /// Something about the source that the user should know.
@@ -171,6 +183,16 @@ impl Outbox {
     /// The capture of a bus ends.
     pub fn end(&mut self, bus: usize, at: Moment) {
         self.waiting.push_back(Waiting::End(bus, at));
+    }
+
+    /// The characters that were put in and not forgotten.
+    pub fn heard(&self) -> &[Character] {
+        &self.characters
+    }
+
+    /// Breaks that wait to be handed over.
+    pub fn breaks(&self) -> usize {
+        self.waiting.iter().filter(|waiting| matches!(waiting, Waiting::Break(..))).count()
     }
 
     /// Empties it for what is heard next. What was not handed over is gone.
@@ -201,6 +223,7 @@ impl Outbox {
             Waiting::Silence(bus, until) => Piece::Heard(bus, Event::Advance(until)),
             Waiting::Comment(bus, at, range) => Piece::Comment(bus, at, &self.text[range]),
             Waiting::Warning(warning) => Piece::Warning(warning),
+            Waiting::Note(range) => Piece::Note(&self.text[range]),
             Waiting::End(bus, at) => Piece::End(bus, at),
             Waiting::Error(error) => return Some(Err(error)),
         }))

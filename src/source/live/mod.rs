@@ -10,10 +10,11 @@ mod slcan;
 
 use super::outbox::{Outbox, Reader};
 use super::{Piece, Source, SourceError, SourceOptions};
+use crate::interrupt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 /// How long a tap waits for something to be heard before it says that nothing was.
@@ -35,7 +36,10 @@ pub struct LiveOptions {
 
 /// A tap. [`Reader::read_on`] waits for [`PATIENCE`] at most, stamps what it heard at once, and says
 /// silence where there was none.
-pub trait Tap: Reader + Send {}
+pub trait Tap: Reader + Send {
+    /// Nobody listens any more: says what is left to say, such as counters and when it ended.
+    fn end(&mut self, _: &mut Outbox) {}
+}
 
 /// Whether a name is that of a live tap: `serial:/dev/ttyUSB0`, `can:can0`, `slcan:/dev/ttyACM0`.
 pub fn is_tap(name: &str) -> bool {
@@ -61,10 +65,12 @@ fn tap_of(name: &str) -> Option<(Open, &str)> {
 
 /// A tap that is being listened to, as a source.
 pub struct Listening {
-    deliveries: Receiver<Outbox>,
+    /// `None` once nobody listens any more.
+    deliveries: Option<Receiver<Outbox>>,
     give_back: SyncSender<Outbox>,
     current: Outbox,
     is_over: Arc<AtomicBool>,
+    ear: Option<JoinHandle<()>>,
 }
 
 impl Listening {
@@ -74,27 +80,46 @@ impl Listening {
         let (give_back, empty) = sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
         let ear = Ear { tap, sender, empty, is_over: Arc::clone(&is_over) };
-        thread::spawn(move || ear.listen());
-        Listening { deliveries, give_back, current: Outbox::default(), is_over }
+        let ear = Some(thread::spawn(move || ear.listen()));
+        let deliveries = Some(deliveries);
+        Listening { deliveries, give_back, current: Outbox::default(), is_over, ear }
     }
 }
 
 impl Source for Listening {
     fn next_piece(&mut self) -> Result<Option<Piece<'_>>, SourceError> {
         while self.current.is_empty() {
+            // A tap may have nothing to say for long, and the user is still to be heeded: what is
+            // left comes after `stop`.
+            if interrupt::came() && !self.is_over.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
             // The ear is gone once it has said everything.
-            let Ok(next) = self.deliveries.recv() else { return Ok(None) };
+            let next = self.deliveries.as_ref().and_then(|deliveries| deliveries.recv().ok());
+            let Some(next) = next else { return Ok(None) };
             let used = std::mem::replace(&mut self.current, next);
             // Nobody needs it where the ear is gone.
             let _ = self.give_back.try_send(used);
         }
         self.current.next().transpose()
     }
+
+    fn stop(&mut self) -> bool {
+        self.is_over.store(true, Ordering::Relaxed);
+        true
+    }
 }
 
 impl Drop for Listening {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
+        // An ear that waits for room to deliver finds nobody there, and ends too.
+        self.deliveries = None;
+        if let Some(ear) = self.ear.take() {
+            // The tap leaves its device as it should before the program ends. One that panicked
+            // has said so.
+            let _ = ear.join();
+        }
     }
 }
 
@@ -119,5 +144,9 @@ impl Ear {
                 return;
             }
         }
+        let mut last = Outbox::default();
+        self.tap.end(&mut last);
+        // Nobody needs it where the listener is gone.
+        let _ = self.sender.send(last);
     }
 }
