@@ -9,6 +9,8 @@ mod live;
 mod peers;
 mod real_captures;
 mod selection;
+#[cfg(target_os = "linux")]
+mod serial;
 mod set_ups;
 mod simulate;
 mod snapshots;
