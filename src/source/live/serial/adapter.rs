@@ -8,13 +8,28 @@ use std::time::Duration;
 /// What drives a port.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Adapter {
-    /// Its folder in sysfs; `None` for a pseudo terminal, which nothing drives.
-    folder: Option<PathBuf>,
+    /// Its folder in sysfs.
+    folder: PathBuf,
+    kind: Kind,
     /// The name of its driver, where sysfs tells.
-    pub driver: Option<String>,
-    /// It hangs on USB, where characters travel in packets.
-    is_usb: bool,
+    driver: Option<String>,
 }
+
+/// What characters come through.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Kind {
+    /// A pseudo terminal, which has neither line nor driver.
+    Pseudo,
+    /// USB, where they travel in packets.
+    Usb,
+    /// A receiver of the computer's own.
+    Native,
+    /// Nothing is known of it.
+    Unknown,
+}
+
+/// Major numbers of the pseudo terminals' ports (Linux, admin-guide/devices.txt).
+const PSEUDO: std::ops::RangeInclusive<u32> = 136..=143;
 
 /// How long a USB adapter without a latency timer is taken to keep a character: two of the 1 ms
 /// frames of full speed, as nothing tells more.
@@ -30,26 +45,43 @@ const FIFO_TIMEOUT: u32 = 4;
 impl Adapter {
     /// The one behind a device node, by its numbers.
     pub fn of_device(major: u32, minor: u32) -> Adapter {
-        Adapter::at(Path::new(&format!("/sys/dev/char/{major}:{minor}")))
+        let folder = PathBuf::from(format!("/sys/dev/char/{major}:{minor}"));
+        match PSEUDO.contains(&major) {
+            true => Adapter { folder, kind: Kind::Pseudo, driver: None },
+            false => Adapter::at(folder),
+        }
     }
 
     /// The one of this folder in sysfs.
-    fn at(folder: &Path) -> Adapter {
-        let device = fs::canonicalize(folder.join("device")).ok();
-        let driver = device.as_ref().and_then(|device| {
-            let link = fs::read_link(device.join("driver")).ok()?;
-            Some(link.file_name()?.to_str()?.to_owned())
-        });
-        let is_usb = device
-            .is_some_and(|device| device.ancestors().any(|above| above.join("idVendor").exists()));
-        Adapter { folder: folder.exists().then(|| folder.to_owned()), driver, is_usb }
+    fn at(folder: PathBuf) -> Adapter {
+        let Ok(device) = fs::canonicalize(folder.join("device")) else {
+            return Adapter { folder, kind: Kind::Unknown, driver: None };
+        };
+        let is_usb = device.ancestors().any(|above| above.join("idVendor").exists());
+        let kind = if is_usb { Kind::Usb } else { Kind::Native };
+        let driver = device.ancestors().find_map(driver_of);
+        Adapter { folder, kind, driver }
+    }
+
+    /// Its driver, for people.
+    pub fn name(&self) -> &str {
+        match (&self.driver, self.kind) {
+            (Some(driver), _) => driver,
+            (None, Kind::Pseudo) => "pseudo terminal",
+            (None, _) => "unknown driver",
+        }
+    }
+
+    /// Whether it is a pseudo terminal: nothing was heard at a wrong rate there.
+    pub fn is_pseudo(&self) -> bool {
+        self.kind == Kind::Pseudo
     }
 
     /// What it marks when it sees a parity error, given that the port keeps the parity setting.
     pub fn parity_marks(&self) -> ParityMarks {
         match self.driver.as_deref() {
             // One status for every packet or URB, applied to all characters in it.
-            Some("ftdi_sio" | "pl2303" | "f81232" | "SPCP8x5" | "spcp8x5") => ParityMarks::Packet,
+            Some("ftdi_sio" | "pl2303" | "f81232" | "f81534a" | "SPCP8x5") => ParityMarks::Packet,
             // The one only counts, the other never looks.
             Some("cdc_acm" | "ch341" | "ch341-uart") => ParityMarks::None,
             _ => ParityMarks::Character,
@@ -63,30 +95,39 @@ impl Adapter {
 
     /// Sets the latency timer to its shortest. It may be refused: it is to be read back.
     pub fn shorten_latency_timer(&self) {
-        if let Some(folder) = &self.folder {
-            // Who may not is told what the timer is.
-            let _ = fs::write(folder.join("device/latency_timer"), "1");
-        }
+        // Who may not is told what the timer is.
+        let _ = fs::write(self.folder.join("device/latency_timer"), "1");
     }
 
     /// How long it may keep a character that came before it hands it over.
     pub fn wait(&self, character: Duration) -> Duration {
-        if let Some(timer) = self.latency_timer() {
-            timer
-        } else if self.is_usb {
-            USB_WAIT
-        } else if self.driver.is_some() {
+        let fifo = || {
             let trigger = self.number("rx_trig_bytes").unwrap_or(USUAL_TRIGGER);
             character * trigger.max(FIFO_TIMEOUT)
-        } else {
-            Duration::ZERO
+        };
+        match (self.latency_timer(), self.kind) {
+            (Some(timer), _) => timer,
+            (None, Kind::Pseudo) => Duration::ZERO,
+            (None, Kind::Usb) => USB_WAIT,
+            (None, Kind::Native) => fifo(),
+            (None, Kind::Unknown) => fifo().max(USB_WAIT),
         }
     }
 
     fn number(&self, file: &str) -> Option<u32> {
-        let text = fs::read_to_string(self.folder.as_ref()?.join(file)).ok()?;
+        let text = fs::read_to_string(self.folder.join(file)).ok()?;
         text.trim().parse().ok()
     }
+}
+
+/// The driver of a device in sysfs. Those of the serial core, since Linux 6.5 between a port and its
+/// device, drive nothing.
+fn driver_of(device: &Path) -> Option<String> {
+    let name = |link: &str| {
+        let target = fs::read_link(device.join(link)).ok()?;
+        Some(target.file_name()?.to_str()?.to_owned())
+    };
+    name("driver").filter(|_| name("subsystem").as_deref() != Some("serial-base"))
 }
 
 #[cfg(test)]
@@ -110,7 +151,7 @@ mod tests {
         for (name, content) in files {
             fs::write(folder.join(name), content).unwrap();
         }
-        let adapter = Adapter::at(&folder);
+        let adapter = Adapter::at(folder);
         (root, adapter)
     }
 
@@ -144,9 +185,30 @@ mod tests {
     }
 
     #[test]
-    fn nothing_drives_a_pseudo_terminal() {
-        let adapter = Adapter::at(Path::new("/nowhere"));
-        assert_eq!((adapter.driver.as_deref(), adapter.latency_timer()), (None, None));
-        assert_eq!(adapter.wait(Duration::from_secs(1)), Duration::ZERO);
+    fn what_the_serial_core_puts_between_is_no_driver() {
+        // As Linux 6.5 and later show ttyS0.
+        let root = tempfile::tempdir().unwrap();
+        let core = root.path().join("pnp0/00:00/00:00:0/00:00:0.0");
+        fs::create_dir_all(&core).unwrap();
+        let link = |at: &Path, name: &str, to: &str| symlink(to, at.join(name)).unwrap();
+        link(&core, "driver", "../bus/serial-base/drivers/port");
+        link(&core, "subsystem", "../bus/serial-base");
+        let device = root.path().join("pnp0/00:00");
+        link(&device, "driver", "../bus/pnp/drivers/serial");
+        link(&device, "subsystem", "../bus/pnp");
+        let folder = root.path().join("tty");
+        fs::create_dir(&folder).unwrap();
+        symlink(&core, folder.join("device")).unwrap();
+        assert_eq!(Adapter::at(folder).name(), "serial");
+    }
+
+    #[test]
+    fn a_pseudo_terminal_keeps_nothing_and_of_the_unknown_little_is_believed() {
+        let pseudo = Adapter::of_device(136, 7);
+        assert_eq!((pseudo.name(), pseudo.latency_timer()), ("pseudo terminal", None));
+        assert_eq!(pseudo.wait(Duration::from_secs(1)), Duration::ZERO);
+        let unknown = Adapter::at(PathBuf::from("/nowhere"));
+        assert_eq!(unknown.name(), "unknown driver");
+        assert_eq!(unknown.wait(Duration::from_micros(100)), Duration::from_millis(2));
     }
 }

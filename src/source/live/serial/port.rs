@@ -46,7 +46,7 @@ impl Port {
         let descriptor = ioctl::descriptor(&port);
         let adapter = adapter_of(&port);
         let kept = apply(descriptor, baud, format).map_err(explain)?;
-        if adapter.driver.is_some() {
+        if !adapter.is_pseudo() {
             // It was heard with whatever settings there were before. Nothing waits to be sent but
             // the echo that a terminal makes of what it hears before it is set.
             let _ = tcflush(descriptor, QueueSelector::IOFlush);
@@ -114,8 +114,7 @@ impl Port {
 
     /// What was found in force, in a line.
     pub fn description(&self) -> String {
-        let driver = self.adapter.driver.as_deref().unwrap_or("no driver");
-        let Kept { baud, .. } = self.kept;
+        let (driver, Kept { baud, .. }) = (self.adapter.name(), &self.kept);
         format!("{driver}, {baud} {}, {}", self.format, self.latency.told)
     }
 
@@ -141,7 +140,7 @@ impl Port {
     }
 
     fn warning_of_marks(&self) -> Option<String> {
-        let driver = self.adapter.driver.as_deref().unwrap_or_default();
+        let driver = self.adapter.name();
         match self.adapter.parity_marks() {
             ParityMarks::Character => None,
             ParityMarks::Packet => Some(format!(

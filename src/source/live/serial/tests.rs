@@ -106,7 +106,10 @@ fn a_port_is_raw_and_tells_that_it_knows_no_parity() {
     assert_eq!(characters(&said), all.map(|byte| format!("{byte} parity unknown")));
     let warned = said.iter().find(|line| line.starts_with("warning")).unwrap();
     assert!(warned.contains("does not keep the parity setting"), "{warned}");
-    assert!(said[0].contains("no driver, 115200 8E1") && said[0].contains("±2.0 ms"), "{said:?}");
+    assert!(
+        said[0].contains("pseudo terminal, 115200 8E1") && said[0].contains("±2.0 ms"),
+        "{said:?}"
+    );
 }
 
 #[test]
