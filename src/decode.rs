@@ -226,7 +226,9 @@ impl Consumer for Desk<'_> {
         }
     }
 
-    fn note(&mut self, line: &str) {
+    fn note(&mut self, text: &str) {
+        let line = format!("fieldtap: {text}");
+        self.export.note(&line);
         if !self.is_quiet {
             say!("{line}");
         }

@@ -21,7 +21,8 @@ use std::process::ExitCode;
 /// What to sum up, and how.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Captures: files, or - for standard input. Several are read as one stream.
+    /// Captures: files, or - for standard input. Several are read as one stream. Or a live tap, such
+    /// as serial:/dev/ttyUSB0.
     #[arg(value_name = "SOURCE", required = true)]
     sources: Vec<String>,
 

@@ -26,6 +26,8 @@ mod ring_lines;
 mod ring_logs;
 mod rings;
 mod selection;
+#[cfg(target_os = "linux")]
+mod serial;
 mod set_ups;
 mod simulate;
 mod snapshots;

@@ -76,7 +76,7 @@ impl Ear {
         let facts = WireFacts { medium: Some(Medium::Can), baud, ..WireFacts::default() };
         let clock = if setting.has_stamps { Clock::Hardware } else { Clock::Read };
         out.bus(BusInfo::new(self.name.clone(), Some(clock)), facts);
-        out.note(format!("{}: {}", self.source, describe(setting)));
+        out.note(&format!("{}: {}", self.source, describe(setting)));
     }
 
     /// Reads once, and says what was heard, or that nothing was.
@@ -271,7 +271,7 @@ mod tests {
                 Piece::Heard(_, Event::Lost(loss)) => said.push(format!("lost {:?}", loss.count)),
                 Piece::Heard(_, Event::Advance(_)) => said.push("silence".to_owned()),
                 Piece::Warning(warning) => said.push(warning.to_string()),
-                Piece::Note(note) => said.push(note),
+                Piece::Note(note) => said.push(note.to_owned()),
                 _ => panic!("nothing else is said"),
             }
         }
