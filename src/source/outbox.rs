@@ -173,6 +173,25 @@ impl Outbox {
         self.waiting.push_back(Waiting::End(bus, at));
     }
 
+    /// What another source said.
+    pub fn pass_on(&mut self, piece: Piece<'_>) {
+        match piece {
+            Piece::Bus(info, facts) => self.bus(info, facts),
+            Piece::Heard(bus, event) => match event {
+                Event::Characters(characters) => self.characters(bus, characters.iter().copied()),
+                Event::Frames(frames) => frames.iter().for_each(|frame| self.frame(bus, *frame)),
+                Event::Rows(rows) => rows.iter().for_each(|row| self.row(bus, *row)),
+                Event::Levels(levels) => self.levels(bus, levels),
+                Event::Break(event) => self.line_break(bus, event),
+                Event::Lost(loss) => self.lost(bus, loss),
+                Event::Advance(until) => self.silence(bus, until),
+            },
+            Piece::Comment(bus, at, text) => self.comment(bus, at, text),
+            Piece::End(bus, at) => self.end(bus, at),
+            Piece::Warning(warning) => self.warning(warning),
+        }
+    }
+
     /// Empties it for what is heard next. What was not handed over is gone.
     pub fn forget(&mut self) {
         self.waiting.clear();
