@@ -225,7 +225,7 @@ impl Consumer for Desk<'_> {
 }
 
 /// What the user says about the sources.
-fn source_options(decoding: &Decoding) -> SourceOptions {
+pub fn source_options(decoding: &Decoding) -> SourceOptions {
     SourceOptions {
         format: decoding.input_format,
         channels: decoding.channel.clone(),

@@ -40,6 +40,8 @@ pub use live::LiveOptions;
 
 pub use numbers::{frequency, seconds_in_ns};
 
+pub use outbox::Outbox;
+
 use outbox::Reading;
 
 use dissectors::bus::WireFacts;

@@ -177,18 +177,23 @@ impl Outbox {
     pub fn pass_on(&mut self, piece: Piece<'_>) {
         match piece {
             Piece::Bus(info, facts) => self.bus(info, facts),
-            Piece::Heard(bus, event) => match event {
-                Event::Characters(characters) => self.characters(bus, characters.iter().copied()),
-                Event::Frames(frames) => frames.iter().for_each(|frame| self.frame(bus, *frame)),
-                Event::Rows(rows) => rows.iter().for_each(|row| self.row(bus, *row)),
-                Event::Levels(levels) => self.levels(bus, levels),
-                Event::Break(event) => self.line_break(bus, event),
-                Event::Lost(loss) => self.lost(bus, loss),
-                Event::Advance(until) => self.silence(bus, until),
-            },
+            Piece::Heard(bus, event) => self.hear(bus, event),
             Piece::Comment(bus, at, text) => self.comment(bus, at, text),
             Piece::End(bus, at) => self.end(bus, at),
             Piece::Warning(warning) => self.warning(warning),
+        }
+    }
+
+    /// What was heard, whatever it is.
+    pub fn hear(&mut self, bus: usize, event: Event<'_>) {
+        match event {
+            Event::Characters(characters) => self.characters(bus, characters.iter().copied()),
+            Event::Frames(frames) => frames.iter().for_each(|frame| self.frame(bus, *frame)),
+            Event::Rows(rows) => rows.iter().for_each(|row| self.row(bus, *row)),
+            Event::Levels(levels) => self.levels(bus, levels),
+            Event::Break(event) => self.line_break(bus, event),
+            Event::Lost(loss) => self.lost(bus, loss),
+            Event::Advance(until) => self.silence(bus, until),
         }
     }
 

@@ -45,8 +45,15 @@ pub struct Interface<'a> {
 
 /// What an interface carries.
 pub enum Carries {
-    /// Characters: what is known of their parity, and their format where that is known.
-    Characters(ParityMarks, Option<Format>),
+    /// Characters.
+    Characters {
+        /// What is known of their parity.
+        parity: ParityMarks,
+        /// Their format, where it is known.
+        format: Option<Format>,
+        /// Each is a block with a stamp of its own, though the rate is not known.
+        has_all_stamps: bool,
+    },
     /// CAN frames.
     Frames,
 }
@@ -101,8 +108,10 @@ impl<W: Write> BlockWriter<W> {
     pub fn interface(&mut self, interface: &Interface<'_>) -> io::Result<u32> {
         let Interface { bus, clock, uncertainty, baud, ref carries } = *interface;
         let (linktype, note) = match carries {
-            Carries::Characters(parity, format) => {
-                (DataLink::RTAC_SERIAL, serial::note(bus, *parity, *format)?)
+            Carries::Characters { parity, format, has_all_stamps } => {
+                let mut note = serial::note(bus, *parity, *format)?;
+                note.push_str(if *has_all_stamps { " stamps=all" } else { "" });
+                (DataLink::RTAC_SERIAL, note)
             }
             Carries::Frames => (DataLink::CAN_SOCKETCAN, String::new()),
         };

@@ -110,7 +110,11 @@ impl<W: Write> PcapNg<W> {
         let clock = clock_of(if record.start.is_known() { bus } else { &timeless }, medium)?;
         let carries = match medium {
             Medium::Can => Carries::Frames,
-            _ => Carries::Characters(marks(record), Some(wire.format())),
+            _ => Carries::Characters {
+                parity: marks(record),
+                format: Some(wire.format()),
+                has_all_stamps: false,
+            },
         };
         let (uncertainty, baud) = (record.uncertainty, wire.baud());
         let interface =
