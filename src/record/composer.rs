@@ -34,6 +34,21 @@ pub struct Chunk {
     pub bytes: Range<usize>,
 }
 
+/// What was composed and is not kept yet.
+#[derive(Default)]
+pub struct Composed {
+    /// The chunks, in order.
+    pub chunks: Vec<Chunk>,
+    bytes: Vec<u8>,
+}
+
+impl Composed {
+    /// The bytes of a chunk.
+    pub fn bytes(&self, chunk: &Chunk) -> &[u8] {
+        &self.bytes[chunk.bytes.clone()]
+    }
+}
+
 /// One bus that is recorded.
 pub struct Bus {
     /// Name and clock.
@@ -54,6 +69,8 @@ pub struct Bus {
     last: Moment,
     /// Up to here it was listened to.
     reach: Moment,
+    /// The source said up to when it listened.
+    is_reach_told: bool,
 }
 
 /// Composes blocks.
@@ -88,11 +105,6 @@ impl Composer {
         self.numbers.clear();
     }
 
-    /// What a file must begin with: the section's header, then the interfaces in order.
-    pub fn heads(&self) -> &[Vec<u8>] {
-        &self.heads
-    }
-
     /// The buses that appeared so far.
     pub fn buses(&self) -> &[Bus] {
         &self.buses
@@ -120,7 +132,9 @@ impl Composer {
 
     /// Nothing comes after this time.
     pub fn end(&mut self, bus: usize, at: Moment) {
-        self.buses[self.numbers[bus]].reach(at);
+        let bus = &mut self.buses[self.numbers[bus]];
+        bus.reach(at);
+        bus.is_reach_told |= at.is_known();
     }
 
     /// Up to here all buses were listened to, at the latest.
@@ -142,7 +156,9 @@ impl Composer {
             Event::Lost(loss) => self.lost(bus, loss),
             Event::Advance(until) => {
                 self.settle(bus)?;
-                self.buses[bus].reach(until);
+                let bus = &mut self.buses[bus];
+                bus.reach(until);
+                bus.is_reach_told |= until.is_known();
                 Ok(())
             }
             Event::Levels(_) => Err(unsupported(
@@ -310,15 +326,20 @@ impl Composer {
         }
     }
 
-    /// The chunks that were composed, and the bytes they are in.
-    pub fn composed_so_far(&mut self) -> (&[Chunk], &[u8], &[Vec<u8>]) {
-        (&self.chunks, self.writer.out(), &self.heads)
+    /// What was composed. To be given back.
+    pub fn take_composed(&mut self) -> Composed {
+        Composed {
+            chunks: std::mem::take(&mut self.chunks),
+            bytes: std::mem::take(self.writer.out()),
+        }
     }
 
-    /// Forgets the chunks that were composed.
-    pub fn clear(&mut self) {
-        self.chunks.clear();
-        self.writer.out().clear();
+    /// Takes back what was composed, for its memory.
+    pub fn give_back(&mut self, mut composed: Composed) {
+        composed.chunks.clear();
+        composed.bytes.clear();
+        self.chunks = composed.chunks;
+        *self.writer.out() = composed.bytes;
     }
 
     /// The blocks that a file ends with, in which nothing is after `limit`: when each bus was last
@@ -327,16 +348,20 @@ impl Composer {
         self.heads_and_ends().1(limit.unwrap_or(Moment::from_ns(i64::MAX)))
     }
 
-    /// The heads, and what makes such blocks.
+    /// What a file must begin with (the section's header, then the interfaces in order), and what
+    /// makes the blocks it ends with.
     pub fn heads_and_ends(&mut self) -> (&[Vec<u8>], impl FnMut(Moment) -> Vec<u8>) {
         let Composer { heads, buses, writer, .. } = self;
         let ends = |limit: Moment| {
             for bus in buses.iter_mut() {
                 let Some((_, interface)) = bus.interfaces.first() else { continue };
-                let end = if bus.reach.is_after(limit) { limit } else { bus.reach };
+                let is_limited = bus.reach.is_after(limit);
+                let end = if is_limited { limit } else { bus.reach };
+                // What the source does not tell is not known to whoever reads the file either.
+                let told = (is_limited || bus.is_reach_told).then_some(end);
                 let comments = std::mem::take(&mut bus.comments);
                 // Times that have no room were refused when their blocks were composed.
-                let _ = writer.end(*interface, end, Extras::comments(comments));
+                let _ = writer.end(*interface, end, told, Extras::comments(comments));
             }
             std::mem::take(writer.out())
         };
@@ -357,6 +382,7 @@ impl Bus {
             comments: Vec::new(),
             last: Moment::UNKNOWN,
             reach: Moment::UNKNOWN,
+            is_reach_told: false,
         }
     }
 

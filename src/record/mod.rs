@@ -10,6 +10,8 @@ mod flight;
 mod names;
 mod ring;
 mod summary;
+#[cfg(test)]
+mod tests;
 mod trigger;
 
 pub use files::{Files, WriteError};
@@ -19,7 +21,7 @@ pub use summary::{Summary, undecoded};
 pub use trigger::{Trigger, Watch, Watcher};
 
 use crate::source::{Piece, SourceOptions};
-use composer::{Bus, Composer};
+use composer::{Bus, Chunk, Composer};
 use dissectors::event::{Event, Moment};
 use flight::Flight;
 use std::io;
@@ -125,35 +127,26 @@ impl Recorder {
 
     /// Keeps what was composed: in the file, or for the event that may come.
     fn keep(&mut self) -> Result<(), RecordError> {
-        let (chunks, bytes, heads) = self.composer.composed_so_far();
-        if let Some(events) = &mut self.events {
-            for chunk in chunks {
-                events.flight.hold(chunk, &bytes[chunk.bytes.clone()]);
-            }
-            self.composer.clear();
-            let (heads, mut ends) = self.composer.heads_and_ends();
-            events.flight.write(heads, &mut ends, &mut self.files)?;
-            return Ok(());
+        let composed = self.composer.take_composed();
+        let kept = composed
+            .chunks
+            .iter()
+            .try_for_each(|chunk| self.keep_chunk(chunk, composed.bytes(chunk)));
+        self.composer.give_back(composed);
+        Ok(kept?)
+    }
+
+    fn keep_chunk(&mut self, chunk: &Chunk, bytes: &[u8]) -> Result<(), WriteError> {
+        let Recorder { composer, files, events } = self;
+        let (heads, mut ends) = composer.heads_and_ends();
+        if let Some(events) = events {
+            events.flight.hold(chunk, bytes);
+            return events.flight.write(heads, &mut ends, files);
         }
-        let is_full =
-            chunks.iter().any(|chunk| self.files.is_full_for(chunk.from, chunk.bytes.len()));
-        if !is_full {
-            for chunk in chunks {
-                self.files.write(chunk.from, &bytes[chunk.bytes.clone()], heads)?;
-            }
-            self.composer.clear();
-            return Ok(());
+        if files.is_full_for(chunk.from, bytes.len()) {
+            files.finish(&ends(chunk.from))?;
         }
-        let (chunks, bytes) = (chunks.to_vec(), bytes.to_vec());
-        self.composer.clear();
-        for chunk in chunks {
-            if self.files.is_full_for(chunk.from, chunk.bytes.len()) {
-                let ends = self.composer.ends(Some(chunk.from));
-                self.files.finish(&ends)?;
-            }
-            self.files.write(chunk.from, &bytes[chunk.bytes.clone()], self.composer.heads())?;
-        }
-        Ok(())
+        files.write(chunk.from, bytes, heads)
     }
 
     /// Heeds what the watch has to say.

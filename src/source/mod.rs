@@ -40,9 +40,7 @@ pub use live::LiveOptions;
 
 pub use numbers::{frequency, seconds_in_ns};
 
-pub use outbox::Outbox;
-
-use outbox::Reading;
+pub use outbox::{Outbox, Reader, Reading};
 
 use dissectors::bus::WireFacts;
 use dissectors::event::{Event, Moment};

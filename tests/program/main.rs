@@ -8,6 +8,7 @@ mod harness;
 mod live;
 mod peers;
 mod real_captures;
+mod record;
 mod selection;
 mod set_ups;
 mod simulate;

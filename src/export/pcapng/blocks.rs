@@ -7,7 +7,6 @@ use dissectors::event::{Break, Clock, Loss, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use dissectors::uart::{Baud, Character, Format, ParityMarks, Wire};
-use pcap_file::DataLink;
 use pcap_file::pcapng::PcapNgWriter;
 use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPacketOption};
 use pcap_file::pcapng::blocks::interface_description::{
@@ -18,6 +17,7 @@ use pcap_file::pcapng::blocks::interface_statistics::{
 };
 use pcap_file::pcapng::blocks::opt_common::CommonOption;
 use pcap_file::pcapng::blocks::section_header::{SectionHeaderBlock, SectionHeaderOption};
+use pcap_file::{DataLink, Endianness};
 use std::borrow::Cow;
 use std::error::Error;
 use std::io::{self, Write};
@@ -89,6 +89,7 @@ impl<W: Write> BlockWriter<W> {
     pub fn new(out: W) -> io::Result<Self> {
         let program = concat!("fieldtap ", env!("CARGO_PKG_VERSION"));
         let section = SectionHeaderBlock {
+            endianness: Endianness::Big,
             options: vec![SectionHeaderOption::UserApplication(Cow::Borrowed(program))],
             ..SectionHeaderBlock::default()
         };
@@ -223,20 +224,27 @@ impl<W: Write> BlockWriter<W> {
         Ok(())
     }
 
-    /// Writes when the capture of an interface ended, and what is left to say. Those lost behind the
-    /// last frame have no block.
+    /// Writes when the capture of an interface ended, if that is known, and what is left to say, at a
+    /// time at which there was something. Those lost behind the last frame have no block.
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn end(&mut self, interface_id: u32, end: Moment, extras: Extras) -> io::Result<()> {
-        let end = duration(end)?;
+    pub fn end(
+        &mut self,
+        interface_id: u32,
+        at: Moment,
+        end: Option<Moment>,
+        extras: Extras,
+    ) -> io::Result<()> {
         let comments = extras.comments.into_iter().map(|text| {
             InterfaceStatisticsOption::Common(CommonOption::Comment(Cow::Owned(clamped(text))))
         });
-        let mut options = vec![InterfaceStatisticsOption::IsbEndTime(end)];
+        let end = end.map(duration).transpose()?;
+        let mut options: Vec<InterfaceStatisticsOption<'_>> =
+            end.map(InterfaceStatisticsOption::IsbEndTime).into_iter().collect();
         options.extend(comments);
         options.extend(extras.lost.map(InterfaceStatisticsOption::IsbIfDrop));
-        let block = InterfaceStatisticsBlock { interface_id, timestamp: end, options };
+        let block = InterfaceStatisticsBlock { interface_id, timestamp: duration(at)?, options };
         self.writer.write_pcapng_block(block).map_err(io_error)?;
         Ok(())
     }

@@ -130,7 +130,7 @@ impl<W: Write> PcapNg<W> {
         let kept = self.kept.remove(&at.name).into_iter().flatten().map(|(_, text)| text);
         let comments = at.pending.drain(..).chain(kept).collect();
         let lost = Some(at.dropped).filter(|count| (1..u64::MAX).contains(count));
-        self.writer.end(at.interface, end, Extras { comments, lost })
+        self.writer.end(at.interface, end, Some(end), Extras { comments, lost })
     }
 }
 
