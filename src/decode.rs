@@ -227,6 +227,12 @@ impl Consumer for Desk<'_> {
         }
     }
 
+    fn note(&mut self, line: &str) {
+        if !self.is_quiet {
+            say!("{line}");
+        }
+    }
+
     fn end(&mut self, bus: &BusInfo, end: Moment) {
         self.export.end(bus, end);
     }

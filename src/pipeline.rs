@@ -17,6 +17,9 @@ pub trait Consumer: Sink {
     /// Takes what the user should know about a source that goes on.
     fn warn(&mut self, warning: &SourceError);
 
+    /// Takes what a live tap found out about itself.
+    fn note(&mut self, line: &str);
+
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, bus: &BusInfo, end: Moment);
 }
@@ -60,33 +63,45 @@ impl Pipeline {
         while consumer.goes_on() {
             match source.next_piece()? {
                 None => break,
-                Some(Piece::Bus(info, facts)) => {
-                    // Two channels of one source may bear the same name.
-                    let is_it = |(index, bus): &(usize, &Bus)| {
-                        *bus.info() == info && !numbers.contains(index)
-                    };
-                    let known = self.buses.iter().enumerate().find(is_it).map(|(index, _)| index);
-                    numbers.push(known.unwrap_or(self.buses.len()));
-                    if let Some(known) = known {
-                        let mut out = Output::new(&mut self.last_number, &mut *consumer);
-                        self.buses[known].go_on(facts, &mut out);
-                    } else {
-                        self.buses.push(Bus::new(info, facts, self.settings.clone()));
-                        self.ends.push(Moment::UNKNOWN);
-                    }
-                }
-                Some(Piece::Heard(bus, event)) => {
-                    let mut out = Output::new(&mut self.last_number, &mut *consumer);
-                    self.buses[numbers[bus]].hear(event, &mut out);
-                }
-                Some(Piece::Comment(bus, time, text)) => {
-                    consumer.comment(self.buses[numbers[bus]].info(), time, text);
-                }
-                Some(Piece::Warning(warning)) => consumer.warn(&warning),
-                Some(Piece::End(bus, end)) => self.ends[numbers[bus]] = end,
+                Some(piece) => self.take(piece, &mut numbers, consumer),
+            }
+        }
+        if source.stop() {
+            while let Some(piece) = source.next_piece()? {
+                self.take(piece, &mut numbers, consumer);
             }
         }
         Ok(())
+    }
+
+    /// Takes a piece of a source whose buses have these numbers here.
+    fn take(&mut self, piece: Piece<'_>, numbers: &mut Vec<usize>, consumer: &mut dyn Consumer) {
+        match piece {
+            Piece::Bus(info, facts) => {
+                // Two channels of one source may bear the same name.
+                let is_it =
+                    |(index, bus): &(usize, &Bus)| *bus.info() == info && !numbers.contains(index);
+                let known = self.buses.iter().enumerate().find(is_it).map(|(index, _)| index);
+                numbers.push(known.unwrap_or(self.buses.len()));
+                if let Some(known) = known {
+                    let mut out = Output::new(&mut self.last_number, &mut *consumer);
+                    self.buses[known].go_on(facts, &mut out);
+                } else {
+                    self.buses.push(Bus::new(info, facts, self.settings.clone()));
+                    self.ends.push(Moment::UNKNOWN);
+                }
+            }
+            Piece::Heard(bus, event) => {
+                let mut out = Output::new(&mut self.last_number, &mut *consumer);
+                self.buses[numbers[bus]].hear(event, &mut out);
+            }
+            Piece::Comment(bus, time, text) => {
+                consumer.comment(self.buses[numbers[bus]].info(), time, text);
+            }
+            Piece::Warning(warning) => consumer.warn(&warning),
+            Piece::Note(line) => consumer.note(&line),
+            Piece::End(bus, end) => self.ends[numbers[bus]] = end,
+        }
     }
 
     /// Tells every bus that nothing more will come.

@@ -52,6 +52,8 @@ impl Consumer for Listener {
     fn end(&mut self, _: &BusInfo, _: Moment) {}
 
     fn warn(&mut self, _: &SourceError) {}
+
+    fn note(&mut self, _: &str) {}
 }
 
 /// Reads bytes as a capture of this format, and decodes it.

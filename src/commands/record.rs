@@ -9,7 +9,7 @@ use crate::record::{
     undecoded,
 };
 use crate::say;
-use crate::source::{self, Piece, SourceError, SourceOptions};
+use crate::source::{self, Piece, Source, SourceError, SourceOptions};
 use clap::Args;
 use dissectors::protocol::Settings;
 use std::path::PathBuf;
@@ -121,6 +121,12 @@ fn say_error(error: &RecordError) {
     }
 }
 
+/// What ended a recording before its time.
+enum Ended {
+    Source(SourceError),
+    Recorder(RecordError),
+}
+
 /// A recording that is going on.
 struct Recording {
     recorder: Mutex<Recorder>,
@@ -177,27 +183,36 @@ impl Recording {
                 Ok(source) => source,
                 Err(error) => return (Some(error), None),
             };
-            while !interrupt::came() && self.failure().is_none() {
-                match source.next_piece() {
-                    Ok(None) => break,
-                    Ok(Some(piece)) => {
-                        if let Err(error) = self.take(&piece) {
-                            return (None, Some(error));
-                        }
-                    }
-                    // What an interruption cuts is not the source's fault.
-                    Err(error) => return (Some(error).filter(|_| !interrupt::came()), None),
+            let goes_on = || !interrupt::came() && self.failure().is_none();
+            let mut passed = self.pass(&mut *source, goes_on);
+            if passed.is_ok() && self.failure().is_none() && source.stop() {
+                // What was heard already, and the tap's last words.
+                passed = self.pass(&mut *source, || self.failure().is_none());
+            }
+            match passed {
+                Ok(()) => {}
+                // What an interruption cuts is not the source's fault.
+                Err(Ended::Source(error)) => {
+                    return (Some(error).filter(|_| !interrupt::came()), None);
                 }
+                Err(Ended::Recorder(error)) => return (None, Some(error)),
             }
         }
         (None, None)
     }
 
-    fn take(&self, piece: &Piece<'_>) -> Result<(), RecordError> {
-        if let (Piece::Warning(warning), false) = (piece, self.is_quiet) {
-            say!("fieldtap: warning: {warning}");
+    /// Passes what a source says on to the recorder, to its end or for as long as this goes on.
+    fn pass(&self, source: &mut dyn Source, goes_on: impl Fn() -> bool) -> Result<(), Ended> {
+        while goes_on() {
+            let Some(piece) = source.next_piece().map_err(Ended::Source)? else { break };
+            match &piece {
+                Piece::Warning(warning) if !self.is_quiet => say!("fieldtap: warning: {warning}"),
+                Piece::Note(line) if !self.is_quiet => say!("{line}"),
+                _ => {}
+            }
+            self.recorder().take(&piece).map_err(Ended::Recorder)?;
         }
-        self.recorder().take(piece)
+        Ok(())
     }
 
     /// Sees to it that nothing waits, not even the user.

@@ -239,9 +239,9 @@ impl Open {
 /// How many of the first `done` bytes are blocks that are whole.
 fn whole_blocks(blocks: &[u8], done: usize) -> usize {
     let mut whole = 0;
-    // Type and length, both big-endian.
+    // Type and length, both little-endian.
     while let Some(&[_, _, _, _, a, b, c, d]) = blocks[whole..].first_chunk::<8>() {
-        let end = whole + u32::from_be_bytes([a, b, c, d]) as usize;
+        let end = whole + u32::from_le_bytes([a, b, c, d]) as usize;
         if end > done || end == whole {
             break;
         }
@@ -258,10 +258,10 @@ mod tests {
     fn what_has_no_room_ends_with_a_whole_block() {
         // Blocks of 12 and 16 bytes: type, length, body, length.
         let block = |length: u32| {
-            let mut bytes = vec![0, 0, 0, 6];
-            bytes.extend(length.to_be_bytes());
+            let mut bytes = vec![6, 0, 0, 0];
+            bytes.extend(length.to_le_bytes());
             bytes.resize(length as usize - 4, 0);
-            bytes.extend(length.to_be_bytes());
+            bytes.extend(length.to_le_bytes());
             bytes
         };
         let blocks = [block(12), block(16)].concat();

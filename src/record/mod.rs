@@ -97,7 +97,7 @@ impl Recorder {
             Piece::Heard(bus, event) => self.composer.hear(*bus, *event)?,
             Piece::Comment(bus, _, text) => self.composer.comment(*bus, text),
             Piece::End(bus, at) => self.composer.end(*bus, *at),
-            Piece::Warning(_) => return Ok(()),
+            Piece::Warning(_) | Piece::Note(_) => return Ok(()),
         }
         self.keep()?;
         if let Some(events) = &mut self.events {
@@ -109,7 +109,7 @@ impl Recorder {
                 }
                 Piece::Heard(bus, event) => copy.hear(*bus, *event),
                 Piece::End(bus, at) => copy.end(*bus, *at),
-                Piece::Comment(..) | Piece::Warning(_) => return Ok(()),
+                Piece::Comment(..) | Piece::Warning(_) | Piece::Note(_) => return Ok(()),
             }
             events.watch.decode(copy, self.composer.reach());
         }

@@ -63,6 +63,8 @@ impl Consumer for Lines<'_> {
         panic!("{warning}");
     }
 
+    fn note(&mut self, _: &str) {}
+
     fn end(&mut self, _: &BusInfo, _: Moment) {}
 }
 

@@ -269,6 +269,8 @@ impl Consumer for Watcher {
 
     fn warn(&mut self, _: &SourceError) {}
 
+    fn note(&mut self, _: &str) {}
+
     fn end(&mut self, _: &BusInfo, _: Moment) {}
 }
 

@@ -61,6 +61,8 @@ pub enum Piece<'a> {
     /// Something about the source that the user should know, and that does not keep it from going
     /// on: what, where, and what to do.
     Warning(SourceError),
+    /// What a live tap found out about itself: a line for the user.
+    Note(String),
 }
 
 /// A capture that is being read.
@@ -70,6 +72,12 @@ pub trait Source {
     /// # Errors
     /// The source cannot go on. What came before is good.
     fn next_piece(&mut self) -> Result<Option<Piece<'_>>, SourceError>;
+
+    /// Nobody wants more than what is left to say where something that goes on ends here. Whether
+    /// that is so: then the pieces up to the end are to be taken. A saved capture has none.
+    fn stop(&mut self) -> bool {
+        false
+    }
 }
 
 /// A capture format, as `--input-format` names it.

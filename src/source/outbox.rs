@@ -78,6 +78,7 @@ enum Waiting {
     Silence(usize, Moment),
     Comment(usize, Moment, Range<usize>),
     Warning(SourceError),
+    Note(String),
     End(usize, Moment),
     Error(SourceError),
 }
@@ -168,9 +169,24 @@ impl Outbox {
         self.waiting.push_back(Waiting::Warning(warning));
     }
 
+    /// A live tap found this out about itself.
+    pub fn note(&mut self, line: String) {
+        self.waiting.push_back(Waiting::Note(line));
+    }
+
     /// The capture of a bus ends.
     pub fn end(&mut self, bus: usize, at: Moment) {
         self.waiting.push_back(Waiting::End(bus, at));
+    }
+
+    /// The characters that were put in and not forgotten.
+    pub fn heard(&self) -> &[Character] {
+        &self.characters
+    }
+
+    /// Breaks that wait to be handed over.
+    pub fn breaks(&self) -> usize {
+        self.waiting.iter().filter(|waiting| matches!(waiting, Waiting::Break(..))).count()
     }
 
     /// What another source said.
@@ -181,6 +197,7 @@ impl Outbox {
             Piece::Comment(bus, at, text) => self.comment(bus, at, text),
             Piece::End(bus, at) => self.end(bus, at),
             Piece::Warning(warning) => self.warning(warning),
+            Piece::Note(line) => self.note(line),
         }
     }
 
@@ -225,6 +242,7 @@ impl Outbox {
             Waiting::Silence(bus, until) => Piece::Heard(bus, Event::Advance(until)),
             Waiting::Comment(bus, at, range) => Piece::Comment(bus, at, &self.text[range]),
             Waiting::Warning(warning) => Piece::Warning(warning),
+            Waiting::Note(line) => Piece::Note(line),
             Waiting::End(bus, at) => Piece::End(bus, at),
             Waiting::Error(error) => return Some(Err(error)),
         }))

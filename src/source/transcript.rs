@@ -40,6 +40,7 @@ fn line(piece: &Piece<'_>) -> String {
         Piece::Heard(bus, event) => format!("{bus}: {}", heard(event)),
         Piece::Comment(bus, time, text) => format!("{bus}: comment{} {text:?}", at(*time)),
         Piece::End(bus, time) => format!("{bus}: end{}", at(*time)),
+        Piece::Note(note) => format!("note: {note}"),
         Piece::Warning(warning) => format!("warning: {warning}"),
     }
 }

@@ -89,7 +89,8 @@ impl<W: Write> BlockWriter<W> {
     pub fn new(out: W) -> io::Result<Self> {
         let program = concat!("fieldtap ", env!("CARGO_PKG_VERSION"));
         let section = SectionHeaderBlock {
-            endianness: Endianness::Big,
+            // Wireshark takes nothing else through a pipe.
+            endianness: Endianness::Little,
             options: vec![SectionHeaderOption::UserApplication(Cow::Borrowed(program))],
             ..SectionHeaderBlock::default()
         };

@@ -10,6 +10,7 @@ mod slcan;
 
 use super::outbox::{Outbox, Reader};
 use super::{Piece, Source, SourceError, SourceOptions};
+use crate::interrupt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -35,7 +36,10 @@ pub struct LiveOptions {
 
 /// A tap. [`Reader::read_on`] waits for [`PATIENCE`] at most, stamps what it heard at once, and says
 /// silence where there was none.
-pub trait Tap: Reader + Send {}
+pub trait Tap: Reader + Send {
+    /// Nobody listens any more: says what is left to say, such as counters and when it ended.
+    fn end(&mut self, out: &mut Outbox);
+}
 
 /// Whether a name is that of a live tap: `serial:/dev/ttyUSB0`, `can:can0`, `slcan:/dev/ttyACM0`.
 pub fn is_tap(name: &str) -> bool {
@@ -82,6 +86,11 @@ impl Listening {
 impl Source for Listening {
     fn next_piece(&mut self) -> Result<Option<Piece<'_>>, SourceError> {
         while self.current.is_empty() {
+            // A tap may have nothing to say for long, and the user is still to be heeded: what is
+            // left comes after `stop`.
+            if interrupt::came() && !self.is_over.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
             // The ear is gone once it has said everything.
             let Ok(next) = self.deliveries.recv() else { return Ok(None) };
             let used = std::mem::replace(&mut self.current, next);
@@ -89,6 +98,11 @@ impl Source for Listening {
             let _ = self.give_back.try_send(used);
         }
         self.current.next().transpose()
+    }
+
+    fn stop(&mut self) -> bool {
+        self.is_over.store(true, Ordering::Relaxed);
+        true
     }
 }
 
@@ -119,5 +133,9 @@ impl Ear {
                 return;
             }
         }
+        let mut last = Outbox::default();
+        self.tap.end(&mut last);
+        // Nobody needs it where the listener is gone.
+        let _ = self.sender.send(last);
     }
 }
