@@ -115,10 +115,7 @@ impl Files {
             return Ok(());
         }
         if self.open.is_none() {
-            if let Err(error) = self.begin(from) {
-                self.is_broken = true;
-                return Err(error);
-            }
+            self.begin(from)?;
         }
         let Some(open) = &mut self.open else { return Ok(()) };
         let before = open.length();
@@ -166,7 +163,10 @@ impl Files {
             }
         };
         let file = OpenOptions::new().write(true).create_new(true).open(&names.part);
-        let file = file.map_err(|cause| WriteError { path: names.part.clone(), cause })?;
+        let file = file.map_err(|cause| {
+            self.is_broken = true;
+            WriteError { path: names.part.clone(), cause }
+        })?;
         let buffer = Vec::with_capacity(2 * BUFFERED);
         let (written, waiting_since, heads) = (0, None, 0);
         self.open = Some(Open { names, file, buffer, written, waiting_since, begin, heads });
