@@ -17,6 +17,7 @@ pub mod interrupt;
 pub mod output;
 pub mod pipeline;
 mod ports;
+pub mod record;
 mod simulate;
 pub mod source;
 pub mod stations;

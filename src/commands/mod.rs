@@ -8,6 +8,7 @@ pub mod fields;
 pub mod man;
 pub mod ports;
 pub mod read;
+pub mod record;
 pub mod simulate;
 pub mod stats;
 
@@ -21,6 +22,7 @@ use std::process::ExitCode;
 pub fn run(cli: &Cli) -> ExitCode {
     match &cli.command {
         Command::Read(arguments) => read::run(arguments),
+        Command::Record(arguments) => record::run(arguments),
         Command::Stats(arguments) => stats::run(arguments),
         Command::Convert(arguments) => convert::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),

@@ -39,8 +39,11 @@ pub use input::Input;
 pub use live::LiveOptions;
 pub use numbers::{frequency, seconds_in_ns};
 
+#[cfg(test)]
+pub(crate) use outbox::Reader;
+pub(crate) use outbox::{Outbox, Reading};
+
 use interbus::Layout;
-use outbox::Reading;
 
 use dissectors::bus::WireFacts;
 use dissectors::event::{Event, Moment};

@@ -20,6 +20,7 @@ mod live_can;
 mod peers;
 mod process_words;
 mod real_captures;
+mod record;
 #[path = "../../dissectors/tests/ring/mod.rs"]
 mod ring;
 mod ring_lines;
