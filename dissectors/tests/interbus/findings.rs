@@ -92,6 +92,31 @@ fn the_error_status_names_the_magnet_while_the_error_bit_stands() {
     assert_eq!(found(&rows), [(1, "interbus.error-bit"), (4, "interbus.magnet")]);
 }
 
+/// Reading the error status is itself done without an error: 88000020 has no bit 29.
+#[test]
+fn an_acknowledgement_without_the_error_bit_does_not_end_the_error() {
+    let position = 0x2001_2345;
+    let rows = [
+        (0, 0x12345),
+        (0x0800_0000, position),
+        (0x8800_0000, position),
+        (0x8800_0000, 0x8800_0020),
+        (0, 0x8800_0020),
+        (0, position),
+        (0, 0x12345),
+    ];
+    assert_eq!(
+        found(&rows),
+        [(2, "interbus.error-bit"), (4, "interbus.magnet"), (7, "interbus.error-bit")]
+    );
+    let told = told(&rows, every_cycle());
+    assert_eq!(told[6].state, Some(State::End(Some(5_000_000))));
+    assert_eq!(
+        told[6].messages,
+        ["over: error bit (the last service before was 88h), after 5.00 ms"]
+    );
+}
+
 /// Rows every 100 ms: a state that stands for so many.
 fn standing(before: &[(u32, u32)], row: (u32, u32), count: usize) -> Vec<Words> {
     let rows = before.iter().copied().chain(std::iter::repeat_n(row, count));

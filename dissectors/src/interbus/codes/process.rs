@@ -89,7 +89,7 @@ pub static ERROR_BIT: Code = Code {
     is_cause: false,
     meaning: "The device reports an error: in an acknowledgement, that it could not do the service; beside a position, that something is wrong with the position.",
     rule: "Bit 29 of IN: 1 = error (LA-66 manual §2.3; its sentence \"if the system could not carry out the service without errors, the error bit is 0\" has a \"not\" too many, as the same text in the manual of the 582 encoders shows).",
-    evidence: "The bit as it was logged; told when it comes and when it goes, the rows between are counted. It goes by \"a data check service\" only, which the manual does not define: the end tells which service was acknowledged last before it.",
+    evidence: "The bit as it was logged; told when it comes and, once IN shows a position without it, when it goes; the rows between are counted. An acknowledgement without it does not end it. It goes by \"a data check service\" only, which the manual does not define: the end tells which service was acknowledged last before it.",
     causes: &[
         "the magnet is outside the measuring range: the only cause that the manual defines",
         "the service that was asked for does not exist, or its data are not possible",
