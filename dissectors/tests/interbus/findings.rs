@@ -180,6 +180,26 @@ fn a_request_that_changes_is_told_once() {
 }
 
 #[test]
+fn what_a_request_is_changed_to_is_judged_as_well() {
+    let changed = |to: &[u32]| {
+        let mut rows = vec![(0, 5), (0x4200_1388, 5), (0xC200_1388, 5)];
+        rows.extend(to.iter().map(|out| (*out, 5)));
+        let found = found(&rows);
+        assert_eq!(found[0], (4, "interbus.request-changed"));
+        found[1..].to_vec()
+    };
+    assert_eq!(changed(&[0xC200_1389]), []);
+    assert_eq!(changed(&[0xC800_0000]), [(4, "interbus.access")]);
+    assert_eq!(changed(&[0xC100_0002]), [(4, "interbus.value-out-of-range")]);
+    assert_eq!(changed(&[0xD200_1388]), [(4, "interbus.reserved-bits")]);
+    // A value that runs on: each of them once.
+    assert_eq!(
+        changed(&[0xD500_0001, 0xD500_0002, 0xC600_0001, 0x8600_0001, 0x8600_0002]),
+        [(4, "interbus.reserved-bits"), (4, "interbus.undefined-service"), (7, "interbus.access")]
+    );
+}
+
+#[test]
 fn a_request_that_is_withdrawn_too_early() {
     let rows = [(0, 5), (0x0100_0000, 5), (0x8100_0000, 5), (0, 5), (0, 0x8100_0000), (0, 5)];
     assert_eq!(found(&rows), [(4, "interbus.withdrawn")]);

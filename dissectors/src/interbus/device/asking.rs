@@ -5,7 +5,7 @@ use crate::event::Moment;
 use crate::finding::Finding;
 use crate::interbus::codes;
 use crate::interbus::handshake::State;
-use crate::interbus::judge::Judgement;
+use crate::interbus::judge::{Asked, Judgement};
 use crate::interbus::word::{Access, Word};
 
 /// Rows that show a state without a break before a time limit is judged in a log that skips
@@ -61,6 +61,9 @@ impl Known {
                 if !core::mem::replace(&mut request.is_changed, true) {
                     judgement.find(Finding::new(&codes::REQUEST_CHANGED));
                 }
+                if !request.is_answered {
+                    judgement.judge_request(out, &mut request.told);
+                }
             }
             request => {
                 let former = request.map(|it| it.former.unwrap_or(it.first));
@@ -74,7 +77,8 @@ impl Known {
     }
 
     fn begin(&mut self, out: Word, now: &Now<'_>, judgement: &mut Judgement) {
-        judgement.judge_request(out);
+        let mut told = Asked::default();
+        judgement.judge_request(out, &mut told);
         if !now.at.is_known() {
             judgement.find_if(false, Finding::new(&codes::NO_ACKNOWLEDGE));
         }
@@ -89,6 +93,7 @@ impl Known {
             is_changed: false,
             is_answered: false,
             is_told_late: false,
+            told,
         });
     }
 

@@ -8,7 +8,7 @@ use super::Settings;
 use super::axis::Axis;
 use super::codes;
 use super::handshake::{Grain, State};
-use super::judge::Judgement;
+use super::judge::{Asked, Judgement};
 use super::row::Row;
 use super::service::{LENGTH, PRESET};
 use super::word::{Access, Word};
@@ -80,6 +80,8 @@ struct Request {
     is_changed: bool,
     is_answered: bool,
     is_told_late: bool,
+    /// What was told of what it asks for.
+    told: Asked,
 }
 
 impl Request {
