@@ -106,21 +106,22 @@ impl Interbus {
         out.emit(record);
     }
 
-    /// The position before this row's was a jump: an event about its record.
+    /// The position before this row's was a jump: an event about its record. To preset value 1 it
+    /// jumps when somebody uses the external preset input, which is what that is for.
     fn tell_jump(&self, bus: &BusInfo, row: &Row, jump: Jump, out: &mut Output<'_>) {
         let place = usize::from(row.device.map_or(0, Device::number));
         let preset = self.devices.get(place).and_then(Option::as_ref).and_then(|it| it.preset());
-        let mut finding = Finding::new(&codes::POSITION_JUMP)
-            .expected(i64::from(jump.expected))
-            .actual(i64::from(jump.position));
         // The axis may have moved on by one step since.
         let reach = jump.step_before.abs() + 2;
-        let is_there =
-            |preset: &u32| (i64::from(*preset) - i64::from(jump.position)).abs() <= reach;
-        finding.limit = preset.filter(is_there).map(i64::from);
-        let (findings, nothing) = ([finding], Facts::default());
-        let record = Record::new(&PROTOCOL, "event", (bus, self.wire), &nothing);
-        let mut record = record.of_event(row.start, &findings);
+        let is_there = |preset: u32| (i64::from(preset) - i64::from(jump.position)).abs() <= reach;
+        let is_preset = !jump.is_spike && preset.is_some_and(is_there);
+        let preset_to = is_preset.then_some(jump.position);
+        let facts = Facts { preset_to, ..Facts::default() };
+        let findings = [Finding::new(&codes::POSITION_JUMP)
+            .expected(i64::from(jump.expected))
+            .actual(i64::from(jump.position))];
+        let record = Record::new(&PROTOCOL, "event", (bus, self.wire), &facts);
+        let mut record = record.of_event(row.start, if is_preset { &[] } else { &findings });
         record.uncertainty = row.uncertainty;
         record.station = row.device.map(Device::number);
         record.about = Some(jump.record);

@@ -352,10 +352,10 @@ pub static POSITION_JUMP: Code = Code {
     severity: Severity::Warning,
     is_cause: false,
     meaning: "The position jumps, and no service of the log did it.",
-    rule: "No manual has such a rule. Positions jump by the preset adjustment (service 6) and by the external preset input, which sets preset value 1 (LA-66 manual §3.3, §3.4).",
+    rule: "No manual has such a rule. Positions jump by the preset adjustment (service 6) and by the external preset input, which sets preset value 1 (LA-66 manual §3.3, §3.4): a jump to the preset value 1 that was read or written before is told as such an event, without a finding.",
     evidence: "The step to this position differs from the steps before and after it by more than 127, by more than 8 times the largest other change of step among the device's last 100, and by more than an axis with 100 m/s² can do between two rows (0.1 mm at 1 ms, 10 mm at 10 ms, 250 mm at 50 ms; steps of 0.01 mm where the resolution is not known). Both differences have the same sign, and at least 4 changes of step were seen before. Steps are counted modulo the measuring length in steps, where it was read or written. Steps across services, gaps and rows with an error bit are left out. Where rows may have skipped a service, only a spike is told, and only if no service that moves positions was seen; else it is withheld.",
     causes: &[
-        "the external preset input was triggered: then the position is preset value 1",
+        "the external preset input was triggered, and the log does not show preset value 1",
         "the magnet left the measuring range, or a second magnet is near",
         "a preset by a service that the log does not show",
         "interference on the rod or on the bus",
@@ -376,10 +376,7 @@ pub static POSITION_JUMP: Code = Code {
             Some(device) => write!(out, "{device} jumps to {position}")?,
             None => write!(out, "the position jumps to {position}")?,
         }
-        match finding.limit {
-            Some(preset) => write!(out, ": preset value 1 is {preset}, the external preset input?"),
-            None => write!(out, ", the ones before lead to {led}"),
-        }
+        write!(out, ", the ones before lead to {led}")
     },
 };
 
