@@ -91,6 +91,10 @@ pub enum Fault {
     Stop,
     /// A wire stops in the middle.
     Cut(usize),
+    /// A character of a wire is lost.
+    Lost(usize),
+    /// A character too many on a wire.
+    Extra(usize),
     /// The wire that comes back carries nothing.
     Missing,
     /// The control word is another.
@@ -328,6 +332,12 @@ impl Plan {
                 if is_now(Fault::Cut(wire)) {
                     frame.truncate(5);
                 }
+                if is_now(Fault::Lost(wire)) {
+                    frame.remove(4);
+                }
+                if is_now(Fault::Extra(wire)) {
+                    frame.insert(4, 0x55);
+                }
             }
             if is_now(Fault::Missing) {
                 frames[1].clear();
@@ -416,8 +426,9 @@ impl<'a> Tape<'a> {
 
     pub fn cycle(&mut self, frames: &[Vec<u8>; 2], is_id: bool, chance: &mut Chance) {
         for (wire, frame) in frames.iter().enumerate() {
-            // Cut frames have no check phase.
-            let whole = frames[0].len().max(frames[1].len());
+            // Frames that are cut have no check phase; those that lost a character have.
+            let longest = frames[0].len().max(frames[1].len());
+            let whole = if frame.len() + 1 < longest { longest } else { frame.len() };
             for (index, byte) in frame.iter().enumerate() {
                 let flags = self.flags(is_id, index + 4 >= whole, false);
                 self.character(wire, flags, Some(*byte), chance);

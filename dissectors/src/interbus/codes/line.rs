@@ -71,7 +71,7 @@ pub static LINE: Code = Code {
     is_cause: false,
     meaning: "A cycle is damaged, or the ring is not as it was before.",
     rule: "A cycle is loopback word, registers, checksum, control word, in characters with a stop bit; the loopback word comes back as it was sent (Phoenix Contact, Schneider).",
-    evidence: "Stop bits that are none, a cycle without its end or on one of two wires only, a loopback word that came back as another, a control word that is another after twenty equal ones, or data cycles of another length: the ring was reconfigured. What the bits of the control word mean is not known. Cycles at the beginning of a capture are not judged.",
+    evidence: "Stop bits that are none, a cycle without its end, on one of two wires only or with more characters on one than on the other, a loopback word that came back as another, a control word that is another after twenty equal ones, or data cycles of another length: the ring was reconfigured. What the bits of the control word mean is not known. Cycles at the beginning of a capture are not judged.",
     causes: &[
         "interference, or a bad plug",
         "a device was switched off, added or removed: the ring has another length",
@@ -96,6 +96,7 @@ fn say(trouble: Trouble, out: &mut dyn fmt::Write) -> fmt::Result {
         Trouble::StopBits(count) => write!(out, "{count} characters without stop bit"),
         Trouble::Cut(count) => write!(out, "cut after {count} characters"),
         Trouble::Missing => write!(out, "on one of the two wires only"),
+        Trouble::Uneven { sent, back } => write!(out, "{sent} characters sent, {back} came back"),
         Trouble::Loopback { sent, back } => {
             write!(out, "loopback word {sent:04X} came back as {back:04X}")
         }
