@@ -79,7 +79,7 @@ impl Known {
     fn begin(&mut self, out: Word, now: &Now<'_>, judgement: &mut Judgement) {
         let mut told = Asked::default();
         judgement.judge_request(out, &mut told);
-        if !now.at.is_known() {
+        if !now.at.is_known() || self.input.is_none() {
             judgement.find_if(false, Finding::new(&codes::NO_ACKNOWLEDGE));
         }
         self.request = Some(Request {
@@ -106,7 +106,7 @@ impl Known {
         }
     }
 
-    /// What was to come and has not.
+    /// What was to come and has not: only IN can tell, in a row that has it.
     pub(super) fn watch_time(&mut self, state: State, now: &Now<'_>, judgement: &mut Judgement) {
         let is_asking = self.out.is_some_and(Word::has_service_bit);
         if state == State::Release {
@@ -150,8 +150,9 @@ impl Known {
     }
 }
 
-/// How long it has been since then, if that is more than the limit for certain.
+/// How long it has been since then, if that is more than the limit for certain and IN still says
+/// the same.
 fn late(now: &Now<'_>, (at, uncertainty): (Moment, u32), limit: i64) -> Option<i64> {
     let doubt = i64::from(uncertainty) + i64::from(now.uncertainty);
-    now.at.since(at).filter(|ns| *ns > limit.saturating_add(doubt))
+    now.at.since(at).filter(|ns| now.has_input && *ns > limit.saturating_add(doubt))
 }
