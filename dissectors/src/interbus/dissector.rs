@@ -28,6 +28,8 @@ pub struct Interbus {
     /// The devices that were heard, by number: 512 at most. None stands at 0, where rows are put
     /// that name no device.
     devices: Vec<Option<Box<Known>>>,
+    /// What the master, at 0, and couplers of each device report of the line.
+    reported: BTreeMap<u16, u8>,
     judgement: Judgement,
     at_end: Vec<Finding>,
 }
@@ -43,6 +45,7 @@ impl Interbus {
             settings: settings.interbus.clone(),
             profiles: profiles.collect(),
             devices: Vec::new(),
+            reported: BTreeMap::new(),
             judgement: Judgement::default(),
             at_end: Vec::new(),
         }
@@ -62,6 +65,12 @@ impl Interbus {
         };
         self.judgement.clear();
         let report = Report::of(row, self.settings.master);
+        if let Some(bits) = report.and_then(|report| report.line_trouble()) {
+            let reported = self.reported.entry(row.device.map_or(0, Device::number)).or_default();
+            if bits & !core::mem::replace(reported, bits) != 0 {
+                self.judgement.find(Finding::new(&codes::LINE));
+            }
+        }
         let facts = Facts { row: Some(row), report, ..Facts::default() };
         self.tell(bus, row, kind, Turn::Neither, &facts, out);
     }

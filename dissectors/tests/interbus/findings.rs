@@ -1,8 +1,12 @@
 //! Each finding: where it is told, once, and where it is not.
 
-use crate::listener::{Words, codes, every_cycle, hear, told};
+use crate::listener::{Words, codes, every_cycle, hear, hear_rows, told};
+use fieldtap_dissectors::event::Moment;
 use fieldtap_dissectors::finding::State;
+use fieldtap_dissectors::interbus::diagnostic::{Generation, Order};
+use fieldtap_dissectors::interbus::{Content, Device, Row};
 use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::record::Turn;
 
 /// A handshake, a row a state, from and to rest: the answer to this OUT is that IN.
 fn handshake(out: u32, input: u32) -> Vec<(u32, u32)> {
@@ -115,6 +119,50 @@ fn an_acknowledgement_without_the_error_bit_does_not_end_the_error() {
         told[6].messages,
         ["over: error bit (the last service before was 88h), after 5.00 ms"]
     );
+}
+
+/// 00C4 is a bus error, 00D4 one that is being located, 40E0 poor quality (00E0 is a ring that runs).
+#[test]
+fn trouble_that_the_master_reports_is_told_when_it_comes() {
+    let codes_of = |contents: &[(Option<u16>, Content)], settings| {
+        let rows = contents.iter().map(|(device, content)| {
+            Row::new(device.and_then(Device::new), *content).at(Moment::from_ns(0), 0)
+        });
+        codes(&hear_rows(&rows.collect::<Vec<_>>(), settings).0)
+    };
+    let status = |status| (None, Content::Diagnostic { status, parameter: None });
+    let rows = [0x00E0, 0x00D4, 0x00C4, 0x00E0, 0x40E0, 0x00C4, 0x00EA].map(status);
+    let line = "interbus.line";
+    assert_eq!(codes_of(&rows, Settings::default()), [(2, line), (5, line), (6, line)]);
+    // 08 is an error at W1, 02 one of the module behind it.
+    let slave = |device, byte| (Some(device), Content::SlaveDiagnostic(byte));
+    let rows = [slave(1, 0x02), slave(1, 0x08), slave(2, 0x08), slave(1, 0x08), slave(2, 0)];
+    assert_eq!(codes_of(&rows, Settings::default()), [(2, line), (3, line)]);
+    // Generation 3: bit 2 is RB if the order is as assumed, which nobody has said.
+    let mut settings = Settings::default();
+    settings.interbus.master.generation = Some(Generation::Three);
+    assert_eq!(codes_of(&[status(4)], settings.clone()), []);
+    settings.interbus.master.third = Order::parse("MOD,LB,RB,CTRL,BSA,RUN,BASP,READY").unwrap();
+    assert_eq!(codes_of(&[status(4)], settings), [(1, line)]);
+}
+
+/// What the log does not have cannot be missed.
+#[test]
+fn a_log_of_one_side_misses_nothing_of_the_other() {
+    let side = |is_out: bool| {
+        let rows = standing(&[(0, 5), (0x0100_0000, 5)], (0x8100_0000, 5), 40);
+        let rows = rows.into_iter().map(|(us, out, input)| {
+            let (out, input) = (Some(out).filter(|_| is_out), Some(input).filter(|_| !is_out));
+            Row::new(Some(Device::FIRST), Content::Process { out, input })
+                .at(Moment::from_ns(us * 1_000), 0)
+        });
+        hear_rows(&rows.collect::<Vec<_>>(), Settings::default()).0
+    };
+    let told = side(true);
+    assert_eq!(codes(&told), []);
+    assert_eq!(told[2].withheld, ["interbus.no-acknowledge"]);
+    assert!(told.iter().all(|it| it.turn == Turn::Neither));
+    assert_eq!(codes(&side(false)), []);
 }
 
 /// Rows every 100 ms: a state that stands for so many.
