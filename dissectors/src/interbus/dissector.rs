@@ -5,7 +5,7 @@ use super::codes;
 use super::device::Known;
 use super::judge::Judgement;
 use super::layer::{Facts, kind};
-use super::line::{Crc, Cycle, Direction, Select};
+use super::line::{Crc, Cycle, Direction, Select, Trouble};
 use super::profile::Profile;
 use super::report::Report;
 use super::row::{Content, Device, Row};
@@ -156,7 +156,8 @@ impl Interbus {
         record.findings = findings.get(..count).unwrap_or_default();
         out.emit(record);
         // What a damaged cycle carried is nobody's process data: the devices drop it too.
-        if cycle.is_damaged() || matches!(crc, Crc::Bad { .. }) {
+        let is_changed = matches!(cycle.trouble, Some(Trouble::Loopback { .. }));
+        if cycle.is_damaged() || is_changed || matches!(crc, Crc::Bad { .. }) {
             return;
         }
         let named: Vec<Device> = self.profiles.keys().filter_map(|it| Device::new(*it)).collect();

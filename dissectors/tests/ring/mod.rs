@@ -1,6 +1,6 @@
 //! A small ring for tests: from a profile to the levels of its two wires. It shares nothing with
 //! what is tested.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
 mod listener;
 mod tape;
