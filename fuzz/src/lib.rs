@@ -231,7 +231,7 @@ pub fn rows(bytes: &[u8]) {
     for row in rows.chunks_exact(6) {
         now = now.saturating_add(i64::from(row[1].cast_signed()) * 1_000_000);
         let start = if row[0] & 0x80 == 0 { Moment::from_ns(now) } else { Moment::UNKNOWN };
-        let word = |code: u8, data: u8| u32::from(code) << 24 | u32::from(data) * 257;
+        let word = |code: u8, data: u8| (u32::from(code) << 24) | (u32::from(data) * 257);
         let (out, input) = (word(row[2], row[3]), word(row[4], row[5]));
         let content = match row[0] & 7 {
             0..=3 => Content::Process { out: Some(out), input: Some(input) },

@@ -60,7 +60,7 @@ fn a_side_that_is_not_logged_is_not_silent() {
     let scratch = Scratch::new();
     let word = |n: u32| if (20..80).contains(&n) { "81000000" } else { "01000000" };
     let lines = (0..100).map(|n| format!("{:.2},{}\n", f64::from(n) * 0.05, word(n)));
-    let sent = scratch.file("sent.csv", &format!("time,out\n{}", lines.collect::<String>()));
+    let sent = scratch.file("sent.csv", format!("time,out\n{}", lines.collect::<String>()));
     let received = scratch.file("received.csv", "time,in\n0.00,00000005\n0.05,00000005\n");
     for join in [&[][..], &["--join", argument(&received)]] {
         let run = fieldtap(["read", "--format", "json", argument(&sent)].iter().chain(join)).good();
