@@ -34,11 +34,21 @@ fn battered(format: InputFormat, bytes: &[u8]) {
     }
 }
 
+/// The bytes, and with one of them changed here and there.
+fn changed(bytes: &[u8], with: impl Fn(&[u8])) {
+    with(bytes);
+    let mut changed = bytes.to_vec();
+    for at in (0..bytes.len()).step_by(1 + bytes.len() / 60) {
+        changed[at] ^= 0x55;
+        with(&changed);
+    }
+}
+
 #[test]
 fn nothing_saved_trips_a_target() {
     use InputFormat::{
-        Asc, Bytes, Candump, CandumpText, Chars, Logic, Parmrk, Pcap, Pcapng, SaleaeBin, SaleaeCsv,
-        SaleaeTable, Sr, Trc, Uart9, Vcd,
+        Asc, Bytes, Candump, CandumpText, Chars, InterbusDiagnostic, InterbusId, InterbusLog,
+        Logic, Parmrk, Pcap, Pcapng, SaleaeBin, SaleaeCsv, SaleaeTable, Sr, Trc, Uart9, Vcd,
     };
     for (target, format) in [
         ("asc", Asc),
@@ -46,6 +56,9 @@ fn nothing_saved_trips_a_target() {
         ("candump", Candump),
         ("candump_text", CandumpText),
         ("chars", Chars),
+        ("interbus_diagnostic", InterbusDiagnostic),
+        ("interbus_id", InterbusId),
+        ("interbus_log", InterbusLog),
         ("logic", Logic),
         ("parmrk", Parmrk),
         ("pcap", Pcap),
@@ -68,4 +81,6 @@ fn nothing_saved_trips_a_target() {
     assert!(run("levels", fuzz::levels) > 0);
     assert!(run("frames", fuzz::frames) > 0);
     assert!(run("eds", fuzz::eds) > 0);
+    assert!(run("rows", |bytes| changed(bytes, fuzz::rows)) > 0);
+    assert!(run("ring_lines", |bytes| changed(bytes, fuzz::ring_lines)) > 0);
 }

@@ -196,6 +196,38 @@ fn what_is_wrong_with_a_cycle_is_told_once() {
     assert_eq!(told(&[(60, Fault::Shorter)]), ["interbus.line 8 bytes go round, were 10"]);
 }
 
+/// Loopback word, 10 bytes of registers, checksum and control word are 16 characters.
+#[test]
+fn characters_that_are_lost_or_too_many_are_told_in_their_cycle_alone() {
+    let told = |faults: &[(usize, Fault)]| {
+        let findings = heard_with(faults).findings.into_iter();
+        let told =
+            findings.map(|(code, text)| if code == "interbus.line" { text } else { code.into() });
+        told.collect::<Vec<_>>()
+    };
+    for (fault, text) in [
+        (Fault::Lost(0), "15 characters sent, 16 came back"),
+        (Fault::Lost(1), "16 characters sent, 15 came back"),
+        (Fault::Extra(0), "17 characters sent, 16 came back"),
+        (Fault::Extra(1), "16 characters sent, 17 came back"),
+    ] {
+        assert_eq!(told(&[(60, fault)]), ["interbus.crc", text], "{fault:?}");
+    }
+    let both = [(60, Fault::Extra(0)), (60, Fault::Extra(1))];
+    assert_eq!(told(&both), ["interbus.crc", "11 bytes go round, were 10"]);
+}
+
+#[test]
+fn nothing_is_open_and_given_at_once() {
+    for id_cycles in [0, 4] {
+        let plan = Plan { id_cycles, ..Plan::plain() };
+        let heard = hear(&plan, &plan.record(12, &mut Chance::new(1)));
+        let open = heard.settings.iter().filter(|setting| setting.value.is_none());
+        assert!(open.clone().count() > 0);
+        assert!(open.clone().all(|setting| setting.origin == Origin::Default));
+    }
+}
+
 #[test]
 fn silence_resets_the_ring_once_its_time_is_over() {
     // 25 ms are 12,500 bits; the idle line around it adds none.

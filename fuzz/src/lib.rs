@@ -4,6 +4,7 @@ use dissectors::bus::{Bus, Sampling, WireFacts};
 use dissectors::can::{Frame, FrameKind, Identifier};
 use dissectors::devicenet::{eds, encoder};
 use dissectors::event::{Break, Clock, Event, Levels, Loss, LossCause, Moment};
+use dissectors::interbus::{Content, Device, Row};
 use dissectors::protocol::{Medium, PROTOCOLS, Protocol, Settings};
 use dissectors::record::{BusInfo, Output, Record, Sink};
 use dissectors::slin::{self, ChecksumChoice, Profile};
@@ -204,6 +205,117 @@ pub fn levels(bytes: &[u8]) {
         let levels = Levels { edges: &edges, level, from, until };
         bus.hear(Event::Levels(levels), &mut Output::new(&mut number, &mut listener));
         level ^= edges.len() % 2 == 1;
+        from = until;
+    }
+    bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut listener));
+}
+
+/// Settings for a ring whose first device is a linear encoder.
+fn ring_settings() -> Settings {
+    let profile = dissectors::device::Profile::parse("la66:500mm");
+    Settings {
+        protocol: Protocol::named("interbus"),
+        devices: profile.into_iter().map(|profile| (1, profile)).collect(),
+        ..Settings::default()
+    }
+}
+
+/// Rows of a ring's log: what it holds, ms to the next, and for OUT and IN bits 31 to 24 and the
+/// low byte.
+pub fn rows(bytes: &[u8]) {
+    let [choice, rows @ ..] = bytes else { return };
+    let info = BusInfo::new("ring", Some(Clock::Log));
+    let facts = WireFacts { medium: Some(Medium::Words), ..WireFacts::default() };
+    let mut settings = ring_settings();
+    settings.interbus.every_cycle = choice & 1 != 0;
+    let mut bus = Bus::new(info, facts, settings);
+    let (mut listener, mut number, mut now) = (Listener::default(), 0, 0_i64);
+    for row in rows.chunks_exact(6) {
+        now = now.saturating_add(i64::from(row[1].cast_signed()) * 1_000_000);
+        let start = if row[0] & 0x80 == 0 { Moment::from_ns(now) } else { Moment::UNKNOWN };
+        let word = |code: u8, data: u8| (u32::from(code) << 24) | (u32::from(data) * 257);
+        let (out, input) = (word(row[2], row[3]), word(row[4], row[5]));
+        let content = match row[0] & 7 {
+            0..=3 => Content::Process { out: Some(out), input: Some(input) },
+            4 => Content::Process { out: Some(out), input: None },
+            5 => Content::Process { out: None, input: Some(input) },
+            6 => Content::Diagnostic { status: (out >> 16) as u16, parameter: None },
+            _ => Content::SlaveDiagnostic(row[2]),
+        };
+        let device = Device::new(u16::from(row[0] >> 3 & 3));
+        let row = Row::new(device, content).at(start, u32::from(row[0] >> 5 & 3) * 500_000);
+        bus.hear(Event::Rows(&[row]), &mut Output::new(&mut number, &mut listener));
+    }
+    bus.finish(Moment::from_ns(now), &mut Output::new(&mut number, &mut listener));
+}
+
+/// Ticks of a bit at 500 kbit/s.
+const BIT: u64 = 8;
+
+/// One wire, as it is written.
+struct Tape {
+    edges: Vec<u64>,
+    now: u64,
+    level: bool,
+}
+
+impl Tape {
+    fn bit(&mut self, level: bool) {
+        if level != self.level {
+            self.edges.push(self.now);
+            self.level = level;
+        }
+        self.now += BIT;
+    }
+
+    /// A telegram with these flags, in bits 2 to 4; bit 5 of them: it has data, 6: no stop bit.
+    fn telegram(&mut self, flags: u8, data: u8) {
+        self.bit(false);
+        (2..5).for_each(|bit| self.bit(flags >> bit & 1 == 1));
+        if flags & 0x20 != 0 {
+            (0..8).rev().for_each(|bit| self.bit(data >> bit & 1 == 1));
+        }
+        self.bit(flags & 0x40 == 0);
+    }
+}
+
+/// The two wires of a ring: two bytes a telegram, what it is and what it holds. Bits 0 and 1 say on
+/// which wires it is; where on none, the line stands still.
+pub fn ring_lines(bytes: &[u8]) {
+    let blank = || Tape { edges: Vec::new(), now: 20 * BIT, level: true };
+    let mut tapes = [blank(), blank()];
+    for telegram in bytes.chunks_exact(2) {
+        let [what, data] = [telegram[0], telegram[1]];
+        for (wire, tape) in tapes.iter_mut().enumerate() {
+            if what & 3 == 0 {
+                // Up to 25 ms and more, or a part of a bit.
+                let bits = u64::from(data) * if what & 4 == 0 { 60 * BIT } else { 1 };
+                tape.now += bits;
+            } else if what >> wire & 1 == 1 {
+                tape.telegram(what, data);
+            }
+        }
+    }
+    let sampling =
+        Sampling { ticks_per_second: 500_000 * BIT, uncertainty: 250, origin: Moment::from_ns(0) };
+    let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
+    let mut bus = Bus::new(BusInfo::new("DO", Some(Clock::Sample)), facts, ring_settings());
+    bus.add_wire(1);
+    let (mut listener, mut number, mut from) = (Listener::default(), 0, 0);
+    let end = tapes.iter().map(|tape| tape.now).max().unwrap_or(0) + 20 * BIT;
+    while from < end {
+        let until = (from + 100_000).min(end);
+        for (wire, tape) in tapes.iter().enumerate() {
+            let place = |tick| tape.edges.partition_point(|edge| *edge < tick);
+            let (first, behind) = (place(from), place(until));
+            let level = first % 2 == 0;
+            let levels = Levels { edges: &tape.edges[first..behind], level, from, until };
+            bus.hear_wire(
+                wire,
+                Event::Levels(levels),
+                &mut Output::new(&mut number, &mut listener),
+            );
+        }
         from = until;
     }
     bus.finish(Moment::UNKNOWN, &mut Output::new(&mut number, &mut listener));

@@ -54,6 +54,23 @@ fn what_the_master_sends_in_one_file_and_what_it_receives_in_the_other() {
     assert_eq!(values(&records, "in"), ["00000100", "C2001388", "C2001388"]);
 }
 
+/// The log of IN is over when the request comes: that nobody answers it cannot be known.
+#[test]
+fn a_side_that_is_not_logged_is_not_silent() {
+    let scratch = Scratch::new();
+    let word = |n: u32| if (20..80).contains(&n) { "81000000" } else { "01000000" };
+    let lines = (0..100).map(|n| format!("{:.2},{}\n", f64::from(n) * 0.05, word(n)));
+    let sent = scratch.file("sent.csv", format!("time,out\n{}", lines.collect::<String>()));
+    let received = scratch.file("received.csv", "time,in\n0.00,00000005\n0.05,00000005\n");
+    for join in [&[][..], &["--join", argument(&received)]] {
+        let run = fieldtap(["read", "--format", "json", argument(&sent)].iter().chain(join)).good();
+        assert!(run.records().iter().all(|it| it["findings"] == Value::Array(Vec::new())));
+    }
+    let run = fieldtap(["read", argument(&sent)]).good();
+    assert!(run.stderr.contains("no-acknowledge not judged 1 x"), "{}", run.stderr);
+    assert!(!run.stderr.contains("never"), "{}", run.stderr);
+}
+
 #[test]
 fn a_log_that_is_written_is_read_back_as_it_was() {
     let scratch = Scratch::new();

@@ -169,6 +169,32 @@ fn a_healthy_encoder_is_healthy_at_every_cycle() {
     assert!(handshakes > 3_000, "{handshakes}");
 }
 
+/// Somebody uses the external preset input, whose value the PLC has read: that is named, and no
+/// jump is told.
+#[test]
+fn an_external_preset_is_named_and_healthy() {
+    let (mut used, mut named) = (0, 0);
+    for seed in ["1", "2", "3"] {
+        let simulate = ["--duration", "40", "--pause", "60", "--external-presets", "--seed", seed];
+        let log = Log::of(&simulate, &["--every-cycle"]);
+        log.check_rows(seed);
+        log.check_findings(seed);
+        log.check_health(seed);
+        used += log.rows.iter().filter(|row| row["preset"] == true).count();
+        for event in log.records.iter().filter(|record| record["kind"] == "event") {
+            let summary = event["summary"].as_str().expect("text");
+            assert!(summary.ends_with(": external preset input (preset value 1)"), "{event}");
+            let about = &event["about"];
+            let place = log.records.iter().filter(|record| record["kind"] != "event");
+            let row = place.clone().position(|record| record["n"] == *about).expect("a record");
+            assert!(log.rows[row]["preset"] == true, "{event}\n{}", log.rows[row]);
+            named += 1;
+        }
+    }
+    // A jump by nearly a whole measuring length, and one right behind a service, are not seen.
+    assert!(used > 20 && named * 4 > used * 3, "{named} of {used}");
+}
+
 /// A log that is coarser than the bus skips states, and that is no fault.
 #[test]
 fn a_healthy_encoder_is_healthy_in_a_coarse_log() {

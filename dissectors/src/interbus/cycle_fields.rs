@@ -79,7 +79,33 @@ impl List for Cycle {
     }
 }
 
-/// The sentence of a cycle.
+/// Words that a sentence has of a direction at most, and bytes of each.
+const MOST_WORDS: usize = 4;
+const MOST_BYTES: usize = 8;
+
+/// The first few words of a direction, if there are any; `-` for a device without.
+fn say_some<'a>(
+    heading: &str,
+    words: impl Iterator<Item = Value<'a>> + Clone,
+    out: &mut dyn fmt::Write,
+) -> fmt::Result {
+    if !words.clone().any(|word| matches!(word, Value::Hex(_))) {
+        return Ok(());
+    }
+    out.write_str(heading)?;
+    for (index, word) in words.clone().take(MOST_WORDS).enumerate() {
+        out.write_str(if index == 0 { "" } else { " " })?;
+        let Value::Hex(bytes) = word else {
+            out.write_char('-')?;
+            continue;
+        };
+        bytes.iter().take(MOST_BYTES).try_for_each(|byte| write!(out, "{byte:02X}"))?;
+        out.write_str(if bytes.len() > MOST_BYTES { "…" } else { "" })?;
+    }
+    out.write_str(if words.count() > MOST_WORDS { " …" } else { "" })
+}
+
+/// The sentence of a cycle: what went round, by device where the ring is known.
 pub fn summarize(cycle: &Cycle, out: &mut dyn fmt::Write) -> fmt::Result {
     match cycle.select {
         Select::Identification => {
@@ -89,11 +115,39 @@ pub fn summarize(cycle: &Cycle, out: &mut dyn fmt::Write) -> fmt::Result {
                 1 => write!(out, ", 1 device")?,
                 count => write!(out, ", {count} devices")?,
             }
+            let ids = (0..cycle.ids()).map(|index| List::get(cycle, index));
+            say_some(": ", ids, out)?;
         }
-        Select::Data => write!(out, "data cycle {}", cycle.number)?,
+        Select::Data => {
+            write!(out, "data cycle {}", cycle.number)?;
+            let rows = Rows::len(cycle);
+            say_some(", OUT ", (0..rows).map(|row| Rows::get(cycle, row, 1)), out)?;
+            say_some(", IN ", (0..rows).map(|row| Rows::get(cycle, row, 2)), out)?;
+        }
     }
     match cycle.crc() {
         Crc::Ok | Crc::Bad { .. } => Ok(()),
         Crc::Unverified => write!(out, ", CRC unverified"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::string::String;
+
+    #[test]
+    fn words_are_told_by_device_and_shortly() {
+        let said = |words: &[Value<'static>]| {
+            let mut text = String::new();
+            say_some(", OUT ", words.iter().copied(), &mut text).unwrap();
+            text
+        };
+        let word = Value::Hex(&[0xC2, 0x00, 0x13, 0x88]);
+        assert_eq!(said(&[word]), ", OUT C2001388");
+        assert_eq!(said(&[word, Value::Absent]), ", OUT C2001388 -");
+        assert_eq!(said(&[Value::Hex(&[0xAB; 9])]), ", OUT ABABABABABABABAB…");
+        assert_eq!(said(&[Value::Hex(&[1]); 5]), ", OUT 01 01 01 01 …");
+        assert_eq!(said(&[Value::Absent; 3]), "");
     }
 }

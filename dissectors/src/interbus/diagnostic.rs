@@ -43,6 +43,13 @@ impl Flags {
         &self.names[..self.count.min(16)]
     }
 
+    /// What they tell of trouble on the line: a bit for each.
+    #[must_use]
+    pub fn line_trouble(&self) -> u8 {
+        let bits = LINE.iter().enumerate().filter(|(_, name)| self.has(name));
+        bits.fold(0, |bits, (place, _)| bits | 1 << place)
+    }
+
     /// Whether the bit of this name is set.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
@@ -102,6 +109,11 @@ const MEANINGS: [(&str, &str); 13] = [
 /// Bits of the diagnostic register of generation 3, by name (PN5003B p. 4-23).
 pub const THIRD: [&str; 8] = ["MOD", "LB", "RB", "CTRL", "BSA", "RUN", "BASP", "READY"];
 
+/// Bits of either generation, and of slaves, that tell of trouble on the line: transmission. Not
+/// among them are errors of the master itself (CTRL), of its host (SYSFAIL, USER) and of what hangs
+/// on a device (PF, MOD): no cable cures those.
+const LINE: [&str; 6] = ["BUS", "RB", "LB", "QUALITY", "W2Err", "W1Err"];
+
 /// Which bit of the register of generation 3 is which: its positions are not published, so that the
 /// user may say them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -148,6 +160,14 @@ pub struct Registers {
 /// There are fewer than two bytes.
 pub fn registers(input: &[u8]) -> IResult<&[u8], Registers> {
     (be_u16, opt(be_u16)).map(|(status, parameter)| Registers { status, parameter }).parse(input)
+}
+
+impl Order {
+    /// Whether it is certain.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        self.is_known
+    }
 }
 
 /// What a parameter register holds (Phoenix Contact ILC 170 p. 4-3, AXC F p. 79).
@@ -345,6 +365,20 @@ mod tests {
         for wrong in ["", "mod", "mod,mod,rb,ctrl,bsa,run,basp,ready", "a,b,c,d,e,f,g,h"] {
             assert_eq!(Order::parse(wrong), None, "{wrong}");
         }
+    }
+
+    #[test]
+    fn trouble_on_the_line_is_that_of_transmission() {
+        let of = |status| Flags::of(status, &FOURTH).line_trouble() != 0;
+        // Bits 2 and 14: bus error, and transmission quality not reached.
+        let telling = (0..16).filter(|bit| of(1 << bit));
+        assert!(telling.eq([2, 14]));
+        assert_eq!(
+            Flags::of(0x00C4, &FOURTH).line_trouble(),
+            Flags::of(0x00D4, &FOURTH).line_trouble()
+        );
+        let slaves = (0..8).filter(|bit| Slave(1 << bit).flags().line_trouble() != 0);
+        assert!(slaves.eq([2, 3]), "W2Err and W1Err");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::codes;
 use super::device::Known;
 use super::judge::Judgement;
 use super::layer::{Facts, kind};
-use super::line::{Crc, Cycle, Direction, Select};
+use super::line::{Crc, Cycle, Direction, Select, Trouble};
 use super::profile::Profile;
 use super::report::Report;
 use super::row::{Content, Device, Row};
@@ -28,6 +28,8 @@ pub struct Interbus {
     /// The devices that were heard, by number: 512 at most. None stands at 0, where rows are put
     /// that name no device.
     devices: Vec<Option<Box<Known>>>,
+    /// What the master, at 0, and couplers of each device report of the line.
+    reported: BTreeMap<u16, u8>,
     judgement: Judgement,
     at_end: Vec<Finding>,
 }
@@ -43,6 +45,7 @@ impl Interbus {
             settings: settings.interbus.clone(),
             profiles: profiles.collect(),
             devices: Vec::new(),
+            reported: BTreeMap::new(),
             judgement: Judgement::default(),
             at_end: Vec::new(),
         }
@@ -62,6 +65,12 @@ impl Interbus {
         };
         self.judgement.clear();
         let report = Report::of(row, self.settings.master);
+        if let Some(bits) = report.and_then(|report| report.line_trouble()) {
+            let reported = self.reported.entry(row.device.map_or(0, Device::number)).or_default();
+            if bits & !core::mem::replace(reported, bits) != 0 {
+                self.judgement.find(Finding::new(&codes::LINE));
+            }
+        }
         let facts = Facts { row: Some(row), report, ..Facts::default() };
         self.tell(bus, row, kind, Turn::Neither, &facts, out);
     }
@@ -106,21 +115,22 @@ impl Interbus {
         out.emit(record);
     }
 
-    /// The position before this row's was a jump: an event about its record.
+    /// The position before this row's was a jump: an event about its record. To preset value 1 it
+    /// jumps when somebody uses the external preset input, which is what that is for.
     fn tell_jump(&self, bus: &BusInfo, row: &Row, jump: Jump, out: &mut Output<'_>) {
         let place = usize::from(row.device.map_or(0, Device::number));
         let preset = self.devices.get(place).and_then(Option::as_ref).and_then(|it| it.preset());
-        let mut finding = Finding::new(&codes::POSITION_JUMP)
-            .expected(i64::from(jump.expected))
-            .actual(i64::from(jump.position));
         // The axis may have moved on by one step since.
         let reach = jump.step_before.abs() + 2;
-        let is_there =
-            |preset: &u32| (i64::from(*preset) - i64::from(jump.position)).abs() <= reach;
-        finding.limit = preset.filter(is_there).map(i64::from);
-        let (findings, nothing) = ([finding], Facts::default());
-        let record = Record::new(&PROTOCOL, "event", (bus, self.wire), &nothing);
-        let mut record = record.of_event(row.start, &findings);
+        let is_there = |preset: u32| (i64::from(preset) - i64::from(jump.position)).abs() <= reach;
+        let is_preset = !jump.is_spike && preset.is_some_and(is_there);
+        let preset_to = is_preset.then_some(jump.position);
+        let facts = Facts { preset_to, ..Facts::default() };
+        let findings = [Finding::new(&codes::POSITION_JUMP)
+            .expected(i64::from(jump.expected))
+            .actual(i64::from(jump.position))];
+        let record = Record::new(&PROTOCOL, "event", (bus, self.wire), &facts);
+        let mut record = record.of_event(row.start, if is_preset { &[] } else { &findings });
         record.uncertainty = row.uncertainty;
         record.station = row.device.map(Device::number);
         record.about = Some(jump.record);
@@ -146,7 +156,8 @@ impl Interbus {
         record.findings = findings.get(..count).unwrap_or_default();
         out.emit(record);
         // What a damaged cycle carried is nobody's process data: the devices drop it too.
-        if cycle.is_damaged() || matches!(crc, Crc::Bad { .. }) {
+        let is_changed = matches!(cycle.trouble, Some(Trouble::Loopback { .. }));
+        if cycle.is_damaged() || is_changed || matches!(crc, Crc::Bad { .. }) {
             return;
         }
         let named: Vec<Device> = self.profiles.keys().filter_map(|it| Device::new(*it)).collect();

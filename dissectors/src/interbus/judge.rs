@@ -5,6 +5,16 @@ use super::service::{MAGNET, STATUS, Service};
 use super::word::{Access, Word};
 use crate::finding::{Code, Finding};
 use alloc::vec::Vec;
+use core::mem::replace;
+
+/// What was told of a request.
+#[derive(Clone, Copy, Default, Debug)]
+pub struct Asked {
+    reserved_bits: bool,
+    undefined_service: bool,
+    access: bool,
+    out_of_range: bool,
+}
 
 /// What was found out about one row. It is kept from row to row, so that rows cost no memory.
 #[derive(Default, Debug)]
@@ -42,17 +52,26 @@ impl Judgement {
     }
 
     /// What is asked for: whether the LA-66 has such a service, in this direction, with this value.
-    pub fn judge_request(&mut self, out: Word) {
-        if out.has_reserve_bit() {
+    /// Each is told once of a request, however often that is changed.
+    pub fn judge_request(&mut self, out: Word, asked: &mut Asked) {
+        if out.has_reserve_bit() && !replace(&mut asked.reserved_bits, true) {
             self.find(Finding::new(&codes::RESERVED_BITS).actual(i64::from(out.code())));
         }
         let Some(service) = Service::numbered(out.service()) else {
-            let service = i64::from(out.service());
-            return self.find(Finding::new(&codes::UNDEFINED_SERVICE).actual(service));
+            if !replace(&mut asked.undefined_service, true) {
+                let service = i64::from(out.service());
+                self.find(Finding::new(&codes::UNDEFINED_SERVICE).actual(service));
+            }
+            return;
         };
         if !service.allows(out.access()) {
-            self.find(Finding::new(&codes::ACCESS).actual(i64::from(out.code())));
-        } else if out.access() == Access::Write {
+            if !replace(&mut asked.access, true) {
+                self.find(Finding::new(&codes::ACCESS).actual(i64::from(out.code())));
+            }
+        } else if out.access() == Access::Write
+            && out.data() > service.highest
+            && !replace(&mut asked.out_of_range, true)
+        {
             self.judge_value(service, out.data());
         }
     }

@@ -125,6 +125,8 @@ pub struct Facts<'a> {
     pub cycle: Option<&'a Cycle>,
     /// The number of the cycle that a row was made from.
     pub of_cycle: Option<u64>,
+    /// Where the external preset input has set the position to.
+    pub preset_to: Option<u32>,
 }
 
 impl Facts<'_> {

@@ -78,6 +78,17 @@ impl<'a> Report<'a> {
         self.flags.as_ref().map_or(Value::Absent, |flags| Value::List(flags))
     }
 
+    /// What it tells of trouble on the line, a bit for each; `None` where it tells nothing for sure
+    /// of it, be it that there is none.
+    pub(super) fn line_trouble(&self) -> Option<u8> {
+        let is_assumed =
+            self.master.generation() == Generation::Three && !self.master.third.is_known();
+        match self.said {
+            Said::Registers(_) if is_assumed => None,
+            _ => self.flags.map(|flags| flags.line_trouble()),
+        }
+    }
+
     /// Segment and place of the device that the parameter register names for sure.
     pub(super) fn place(&self) -> Option<(u8, Option<u8>)> {
         let Said::Registers(registers) = self.said else { return None };

@@ -9,6 +9,10 @@ use core::fmt::{self, Write};
 
 /// Tells a record.
 pub fn summarize(facts: &Facts<'_>, record: &Record<'_>, out: &mut dyn Write) -> fmt::Result {
+    if let Some(position) = facts.preset_to {
+        let who = record.station.unwrap_or(1);
+        return write!(out, "{who} at {position}: external preset input (preset value 1)");
+    }
     match (facts.process, record.findings.first()) {
         (Some(told), _) => say_process(&told, record.station, out),
         (None, Some(finding)) if record.kind == "event" => finding.say(record, out),

@@ -1,8 +1,12 @@
 //! Each finding: where it is told, once, and where it is not.
 
-use crate::listener::{Words, codes, every_cycle, hear, told};
+use crate::listener::{Words, codes, every_cycle, hear, hear_rows, told};
+use fieldtap_dissectors::event::Moment;
 use fieldtap_dissectors::finding::State;
+use fieldtap_dissectors::interbus::diagnostic::{Generation, Order};
+use fieldtap_dissectors::interbus::{Content, Device, Row};
 use fieldtap_dissectors::protocol::Settings;
+use fieldtap_dissectors::record::Turn;
 
 /// A handshake, a row a state, from and to rest: the answer to this OUT is that IN.
 fn handshake(out: u32, input: u32) -> Vec<(u32, u32)> {
@@ -92,6 +96,75 @@ fn the_error_status_names_the_magnet_while_the_error_bit_stands() {
     assert_eq!(found(&rows), [(1, "interbus.error-bit"), (4, "interbus.magnet")]);
 }
 
+/// Reading the error status is itself done without an error: 88000020 has no bit 29.
+#[test]
+fn an_acknowledgement_without_the_error_bit_does_not_end_the_error() {
+    let position = 0x2001_2345;
+    let rows = [
+        (0, 0x12345),
+        (0x0800_0000, position),
+        (0x8800_0000, position),
+        (0x8800_0000, 0x8800_0020),
+        (0, 0x8800_0020),
+        (0, position),
+        (0, 0x12345),
+    ];
+    assert_eq!(
+        found(&rows),
+        [(2, "interbus.error-bit"), (4, "interbus.magnet"), (7, "interbus.error-bit")]
+    );
+    let told = told(&rows, every_cycle());
+    assert_eq!(told[6].state, Some(State::End(Some(5_000_000))));
+    assert_eq!(
+        told[6].messages,
+        ["over: error bit (the last service before was 88h), after 5.00 ms"]
+    );
+}
+
+/// 00C4 is a bus error, 00D4 one that is being located, 40E0 poor quality (00E0 is a ring that runs).
+#[test]
+fn trouble_that_the_master_reports_is_told_when_it_comes() {
+    let codes_of = |contents: &[(Option<u16>, Content)], settings| {
+        let rows = contents.iter().map(|(device, content)| {
+            Row::new(device.and_then(Device::new), *content).at(Moment::from_ns(0), 0)
+        });
+        codes(&hear_rows(&rows.collect::<Vec<_>>(), settings).0)
+    };
+    let status = |status| (None, Content::Diagnostic { status, parameter: None });
+    let rows = [0x00E0, 0x00D4, 0x00C4, 0x00E0, 0x40E0, 0x00C4, 0x00EA].map(status);
+    let line = "interbus.line";
+    assert_eq!(codes_of(&rows, Settings::default()), [(2, line), (5, line), (6, line)]);
+    // 08 is an error at W1, 02 one of the module behind it.
+    let slave = |device, byte| (Some(device), Content::SlaveDiagnostic(byte));
+    let rows = [slave(1, 0x02), slave(1, 0x08), slave(2, 0x08), slave(1, 0x08), slave(2, 0)];
+    assert_eq!(codes_of(&rows, Settings::default()), [(2, line), (3, line)]);
+    // Generation 3: bit 2 is RB if the order is as assumed, which nobody has said.
+    let mut settings = Settings::default();
+    settings.interbus.master.generation = Some(Generation::Three);
+    assert_eq!(codes_of(&[status(4)], settings.clone()), []);
+    settings.interbus.master.third = Order::parse("MOD,LB,RB,CTRL,BSA,RUN,BASP,READY").unwrap();
+    assert_eq!(codes_of(&[status(4)], settings), [(1, line)]);
+}
+
+/// What the log does not have cannot be missed.
+#[test]
+fn a_log_of_one_side_misses_nothing_of_the_other() {
+    let side = |is_out: bool| {
+        let rows = standing(&[(0, 5), (0x0100_0000, 5)], (0x8100_0000, 5), 40);
+        let rows = rows.into_iter().map(|(us, out, input)| {
+            let (out, input) = (Some(out).filter(|_| is_out), Some(input).filter(|_| !is_out));
+            Row::new(Some(Device::FIRST), Content::Process { out, input })
+                .at(Moment::from_ns(us * 1_000), 0)
+        });
+        hear_rows(&rows.collect::<Vec<_>>(), Settings::default()).0
+    };
+    let told = side(true);
+    assert_eq!(codes(&told), []);
+    assert_eq!(told[2].withheld, ["interbus.no-acknowledge"]);
+    assert!(told.iter().all(|it| it.turn == Turn::Neither));
+    assert_eq!(codes(&side(false)), []);
+}
+
 /// Rows every 100 ms: a state that stands for so many.
 fn standing(before: &[(u32, u32)], row: (u32, u32), count: usize) -> Vec<Words> {
     let rows = before.iter().copied().chain(std::iter::repeat_n(row, count));
@@ -152,6 +225,26 @@ fn a_request_that_changes_is_told_once() {
     let (told, _) = hear(&coarse, Settings::default());
     assert_eq!(codes(&told), [(6, "interbus.request-changed"), (6, "interbus.written")]);
     assert_eq!(told[3].withheld, ["interbus.request-changed"]);
+}
+
+#[test]
+fn what_a_request_is_changed_to_is_judged_as_well() {
+    let changed = |to: &[u32]| {
+        let mut rows = vec![(0, 5), (0x4200_1388, 5), (0xC200_1388, 5)];
+        rows.extend(to.iter().map(|out| (*out, 5)));
+        let found = found(&rows);
+        assert_eq!(found[0], (4, "interbus.request-changed"));
+        found[1..].to_vec()
+    };
+    assert_eq!(changed(&[0xC200_1389]), []);
+    assert_eq!(changed(&[0xC800_0000]), [(4, "interbus.access")]);
+    assert_eq!(changed(&[0xC100_0002]), [(4, "interbus.value-out-of-range")]);
+    assert_eq!(changed(&[0xD200_1388]), [(4, "interbus.reserved-bits")]);
+    // A value that runs on: each of them once.
+    assert_eq!(
+        changed(&[0xD500_0001, 0xD500_0002, 0xC600_0001, 0x8600_0001, 0x8600_0002]),
+        [(4, "interbus.reserved-bits"), (4, "interbus.undefined-service"), (7, "interbus.access")]
+    );
 }
 
 #[test]
@@ -221,10 +314,14 @@ fn a_jump_to_preset_value_1_is_the_external_input() {
     let told = told(&rows, every_cycle());
     let jumps: Vec<_> = told.iter().filter(|it| it.kind == "event").collect();
     assert_eq!(jumps.len(), 1);
-    assert_eq!(
-        jumps[0].summary,
-        "1 jumps to 100: preset value 1 is 100, the external preset input?"
-    );
+    assert_eq!(jumps[0].summary, "1 at 100: external preset input (preset value 1)");
+    // Seven rows of the handshake, 40 that move: it is in row 48. Nothing is wrong with that.
+    assert_eq!((jumps[0].about, &jumps[0].codes[..]), (Some(48), &[][..]));
+    // A value that was there for one row only was not set. The event comes behind the row after it.
+    let spike = rows.len() - 10;
+    rows[47..].iter_mut().for_each(|row| row.1 = 20_120);
+    rows[spike].1 = 100;
+    assert_eq!(found(&rows), [(spike as u64 + 3, "interbus.position-jump")]);
 }
 
 #[test]

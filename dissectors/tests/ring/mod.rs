@@ -1,13 +1,13 @@
 //! A small ring for tests: from a profile to the levels of its two wires. It shares nothing with
 //! what is tested.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
-use fieldtap_dissectors::bus::{Bus, Sampling, WireFacts};
-use fieldtap_dissectors::event::{Clock, Event, Levels, Moment};
-use fieldtap_dissectors::field::Value;
-use fieldtap_dissectors::protocol::{Conclusion, Protocol, Settings};
-use fieldtap_dissectors::record::{BusInfo, Output, Record, Sink};
-use fieldtap_dissectors::setting::Setting;
+mod listener;
+mod tape;
+
+pub use listener::{Heard, hear, hear_wires, settings};
+pub use tape::Recording;
+use tape::Tape;
 
 /// Numbers without a pattern (xorshift).
 pub struct Chance(u64);
@@ -91,6 +91,10 @@ pub enum Fault {
     Stop,
     /// A wire stops in the middle.
     Cut(usize),
+    /// A character of a wire is lost.
+    Lost(usize),
+    /// A character too many on a wire.
+    Extra(usize),
     /// The wire that comes back carries nothing.
     Missing,
     /// The control word is another.
@@ -328,6 +332,12 @@ impl Plan {
                 if is_now(Fault::Cut(wire)) {
                     frame.truncate(5);
                 }
+                if is_now(Fault::Lost(wire)) {
+                    frame.remove(4);
+                }
+                if is_now(Fault::Extra(wire)) {
+                    frame.insert(4, 0x55);
+                }
             }
             if is_now(Fault::Missing) {
                 frames[1].clear();
@@ -338,196 +348,4 @@ impl Plan {
         }
         (tape.recording(), told)
     }
-}
-
-/// The edges of both wires, and how many samples there are.
-#[derive(Clone, Default)]
-pub struct Recording {
-    pub edges: [Vec<u64>; 2],
-    pub until: u64,
-}
-
-/// Writes both wires, in bits.
-pub struct Tape<'a> {
-    plan: &'a Plan,
-    now: [f64; 2],
-    /// Changes of level, in bits.
-    changes: [Vec<f64>; 2],
-    level: [bool; 2],
-    /// The next character's stop bit is none.
-    has_bad_stop: bool,
-}
-
-impl<'a> Tape<'a> {
-    pub fn new(plan: &'a Plan) -> Self {
-        Tape {
-            plan,
-            now: [10.0, 10.4],
-            changes: Default::default(),
-            level: [true; 2],
-            has_bad_stop: false,
-        }
-    }
-
-    fn bit(&mut self, wire: usize, level: bool, chance: &mut Chance) {
-        if level != self.level[wire] {
-            self.level[wire] = level;
-            let jitter = self.plan.jitter * (chance.below(2001) as f64 / 1000.0 - 1.0);
-            self.changes[wire].push(self.now[wire] + jitter);
-        }
-        self.now[wire] += 1.0;
-    }
-
-    fn character(&mut self, wire: usize, flags: [bool; 3], data: Option<u8>, chance: &mut Chance) {
-        self.bit(wire, false, chance);
-        flags.into_iter().for_each(|flag| self.bit(wire, flag, chance));
-        if let Some(byte) = data {
-            let byte = if self.plan.is_lsb { byte.reverse_bits() } else { byte };
-            (0..8).rev().for_each(|bit| self.bit(wire, byte >> bit & 1 == 1, chance));
-        }
-        if std::mem::take(&mut self.has_bad_stop) {
-            self.bit(wire, false, chance);
-        }
-        self.bit(wire, true, chance);
-        self.now[wire] += self.plan.pause * chance.below(1001) as f64 / 1000.0;
-    }
-
-    fn flags(&self, is_id: bool, is_check: bool, is_status: bool) -> [bool; 3] {
-        let plan = self.plan;
-        let select =
-            if is_status && !plan.status_has_select { false } else { is_id == plan.id_value };
-        let control = !is_status && is_check == plan.check_value;
-        let mut flags = [false; 3];
-        let values = [select, control, is_status == plan.status_value];
-        for (place, value) in plan.places.into_iter().zip(values) {
-            flags[place] = value;
-        }
-        flags
-    }
-
-    /// Status telegrams.
-    pub fn idle(&mut self, count: usize, is_id: bool, chance: &mut Chance) {
-        let flags = self.flags(is_id, false, true);
-        for _ in 0..count {
-            (0..2).for_each(|wire| self.character(wire, flags, None, chance));
-        }
-        self.join();
-    }
-
-    pub fn cycle(&mut self, frames: &[Vec<u8>; 2], is_id: bool, chance: &mut Chance) {
-        for (wire, frame) in frames.iter().enumerate() {
-            // Cut frames have no check phase.
-            let whole = frames[0].len().max(frames[1].len());
-            for (index, byte) in frame.iter().enumerate() {
-                let flags = self.flags(is_id, index + 4 >= whole, false);
-                self.character(wire, flags, Some(*byte), chance);
-            }
-        }
-        self.join();
-    }
-
-    /// Nothing at all for so many bits.
-    pub fn silence(&mut self, bits: f64) {
-        self.now.iter_mut().for_each(|now| *now += bits);
-    }
-
-    /// The wires stay side by side.
-    fn join(&mut self) {
-        let latest = self.now[0].max(self.now[1] - 0.4);
-        self.now = [latest, latest + 0.4];
-    }
-
-    pub fn recording(self) -> Recording {
-        let samples = self.plan.samples;
-        let edges = self.changes.map(|changes| {
-            changes.into_iter().map(|change| (change * samples) as u64 + 1).collect()
-        });
-        Recording { edges, until: ((self.now[0] + 40.0) * samples) as u64 }
-    }
-}
-
-/// What came of it.
-#[derive(Clone, Default)]
-pub struct Heard {
-    pub settings: Vec<Setting>,
-    pub conclusions: Vec<Conclusion>,
-    /// Kind, and verdict on the checksum, of every record.
-    pub records: Vec<(&'static str, Option<String>)>,
-    pub stations: Vec<(u16, String)>,
-    pub findings: Vec<(&'static str, String)>,
-    pub protocol: Option<&'static str>,
-}
-
-impl Sink for Heard {
-    fn record(&mut self, record: &Record<'_>) {
-        let crc = match record.named("interbus.crc") {
-            Value::Text(text) => Some(text.to_owned()),
-            _ => None,
-        };
-        self.records.push((record.kind, crc));
-        if let Some(station) = record.station {
-            let hex = |name| match record.named(name) {
-                Value::Hex(bytes) => bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
-                _ => String::new(),
-            };
-            self.stations.push((station, hex("interbus.out") + " " + &hex("interbus.in")));
-        }
-        for finding in record.findings {
-            let mut text = String::new();
-            finding.say(record, &mut text).expect("a String takes any text");
-            self.findings.push((finding.code.name, text));
-        }
-    }
-}
-
-impl Heard {
-    pub fn crc(&self, verdict: &str) -> usize {
-        self.records.iter().filter(|(_, crc)| crc.as_deref() == Some(verdict)).count()
-    }
-
-    pub fn of_kind(&self, kind: &str) -> usize {
-        self.records.iter().filter(|(known, _)| *known == kind).count()
-    }
-}
-
-pub fn settings() -> Settings {
-    Settings { protocol: Protocol::named("interbus"), ..Settings::default() }
-}
-
-pub fn hear(plan: &Plan, recording: &Recording) -> Heard {
-    hear_wires(plan, recording, &[0, 1], settings(), 40_000)
-}
-
-/// Hears some of the wires, in blocks of so many samples.
-pub fn hear_wires(
-    plan: &Plan,
-    recording: &Recording,
-    wires: &[usize],
-    settings: Settings,
-    block: u64,
-) -> Heard {
-    let ticks_per_second = (f64::from(plan.bitrate) * plan.samples) as u64;
-    let sampling = Sampling { ticks_per_second, uncertainty: 1, origin: Moment::from_ns(0) };
-    let facts = WireFacts { sampling: Some(sampling), ..WireFacts::default() };
-    let mut bus = Bus::new(BusInfo::new("DO", Some(Clock::Sample)), facts, settings);
-    (1..wires.len()).for_each(|wire| bus.add_wire(wire));
-    let (mut heard, mut last) = (Heard::default(), 0);
-    let mut from = 0;
-    while from < recording.until {
-        let until = from.saturating_add(block).min(recording.until);
-        for (number, wire) in wires.iter().enumerate() {
-            let edges = &recording.edges[*wire];
-            let range = edges.partition_point(|e| *e < from)..edges.partition_point(|e| *e < until);
-            let level = range.start.is_multiple_of(2) != plan.is_inverted;
-            let levels = Levels { edges: &edges[range], level, from, until };
-            let mut out = Output::new(&mut last, &mut heard);
-            bus.hear_wire(number, Event::Levels(levels), &mut out);
-        }
-        from = until;
-    }
-    bus.finish(Moment::UNKNOWN, &mut Output::new(&mut last, &mut heard));
-    heard.settings = bus.settings();
-    heard.conclusions = bus.conclusions();
-    heard.protocol = bus.protocol().map(|protocol| protocol.name);
-    heard
 }

@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn the_words_of_the_manual() {
-        // Spec §7.2, writing 5000 steps.
+        // The handshake of the LA-66 manual §4, writing 5000 steps, 1388h.
         assert_eq!(
             told(&[
                 (0, 0x12345),

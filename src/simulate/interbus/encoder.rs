@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_handshake_of_the_manual() {
-        // Spec §7.2: OUT 42001388, C2001388, IN C2001388, OUT 42001388, position again. The middle
+        // LA-66 manual §4: OUT 42001388, C2001388, IN C2001388, OUT 42001388, position again. The middle
         // of the rod is 25000 of 50000 steps, and 2500 of 5000.
         let mut encoder = encoder();
         assert_eq!(

@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_length_of_a_register_is_in_the_id_word() {
-        // Spec §4.2: 02 two words, 01 one word, 06 eight words (not six), 09 a byte, 0B three.
+        // Phoenix Contact IBS SUPI 3, p. 3-22: 02 two words, 01 one word, 06 eight words (not six), 09 a byte, 0B three.
         for (id, bytes) in [("0233", 4), ("0132", 2), ("0633", 16), ("0901", 1), ("0B03", 3)] {
             assert_eq!(id.parse::<Member>().unwrap().bytes(), Some(bytes), "{id}");
         }

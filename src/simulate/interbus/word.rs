@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn the_codes_of_the_manual() {
-        // §3.1 to §3.5: C1/81, C2/82, C4/84, C6, and 88 for the error status.
+        // LA-66 manual §3.1 to §3.5: C1/81, C2/82, C4/84, C6, and 88 for the error status.
         let high = |word: u32| (SERVICE | word) >> 24;
         for (service, codes) in [(DIRECTION, [0xC1, 0x81]), (LENGTH, [0xC2, 0x82])] {
             assert_eq!([high(write(service, 0)), high(read(service))], codes);

@@ -2,7 +2,8 @@
 //! in the other.
 //!
 //! Each line becomes a row, as if one log held both: it carries the last word of the other side.
-//! Lines with the same stamp are one row.
+//! Lines with the same stamp are one row. A log that is over says nothing of what came later than
+//! its longest pause behind its end: a device whose answers were not logged any more is not silent.
 
 use super::super::SourceError;
 use super::super::outbox::Outbox;
@@ -19,6 +20,7 @@ pub struct Join {
     /// The next rows of each: those of a line.
     next: [Vec<Row>; 2],
     is_over: [bool; 2],
+    pace: [Pace; 2],
     /// The last words of each device.
     last: Vec<Sides>,
 }
@@ -26,11 +28,33 @@ pub struct Join {
 /// What the master sent and received last.
 type Sides = (Option<u32>, Option<u32>);
 
+/// How the rows of a log come.
+#[derive(Clone, Copy)]
+struct Pace {
+    /// When the last one came.
+    last: Moment,
+    /// The longest time from one to the next, in ns.
+    longest: i64,
+}
+
+impl Pace {
+    fn add(&mut self, row: Moment) {
+        self.longest = self.longest.max(row.since(self.last).unwrap_or(0));
+        self.last = row;
+    }
+
+    /// Whether a log that is over still says what was there at that time.
+    fn reaches(self, time: Moment) -> bool {
+        time.since(self.last).is_none_or(|ns| ns <= self.longest)
+    }
+}
+
 impl Join {
     /// To be joined to a first one.
     pub fn new(second: File) -> Self {
         let (next, is_over) = ([Vec::new(), Vec::new()], [false; 2]);
-        Join { second, next, is_over, last: vec![(None, None); PLACES] }
+        let pace = [Pace { last: Moment::UNKNOWN, longest: 0 }; 2];
+        Join { second, next, is_over, pace, last: vec![(None, None); PLACES] }
     }
 
     /// The second log.
@@ -69,6 +93,7 @@ impl Join {
     /// Takes note of the next words of one log.
     fn learn(&mut self, index: usize) {
         for row in &self.next[index] {
+            self.pace[index].add(row.start);
             if let (Content::Process { out, input }, Some(sides)) =
                 (row.content, self.last.get_mut(place(row)))
             {
@@ -84,8 +109,13 @@ impl Join {
             if rows.iter().any(same) {
                 continue;
             }
-            let (out, input) = self.last.get(place(&row)).copied().unwrap_or_default();
-            let content = Content::Process { out, input };
+            let is_alone = self.is_over[1 - index] && !self.pace[1 - index].reaches(row.start);
+            let content = match (row.content, self.last.get(place(&row))) {
+                (Content::Process { .. }, Some((out, input))) if !is_alone => {
+                    Content::Process { out: *out, input: *input }
+                }
+                (own, _) => own,
+            };
             rows.push(Row::new(row.device, content).at(row.start, row.uncertainty));
         }
     }

@@ -69,9 +69,9 @@ pub static LINE: Code = Code {
     name: "interbus.line",
     severity: Severity::Warning,
     is_cause: false,
-    meaning: "A cycle is damaged, or the ring is not as it was before.",
+    meaning: "A cycle is damaged, the ring is not as it was before, or the master reports errors of transmission.",
     rule: "A cycle is loopback word, registers, checksum, control word, in characters with a stop bit; the loopback word comes back as it was sent (Phoenix Contact, Schneider).",
-    evidence: "Stop bits that are none, a cycle without its end or on one of two wires only, a loopback word that came back as another, a control word that is another after twenty equal ones, or data cycles of another length: the ring was reconfigured. What the bits of the control word mean is not known. Cycles at the beginning of a capture are not judged.",
+    evidence: "Stop bits that are none, a cycle without its end, on one of two wires only or with more characters on one than on the other, a loopback word that came back as another, a control word that is another after twenty equal ones, or data cycles of another length: the ring was reconfigured. What the bits of the control word mean is not known. Cycles at the beginning of a capture are not judged. In logs of diagnostic registers: BUS or QUALITY (generation 4), RB or LB (generation 3, where the order of its bits is known), W1Err or W2Err of a slave, told when they come. CTRL, SYSFAIL, USER and PF are faults of the master, its host or a device's periphery, and not of the line.",
     causes: &[
         "interference, or a bad plug",
         "a device was switched off, added or removed: the ring has another length",
@@ -86,7 +86,10 @@ pub static LINE: Code = Code {
     cure: Cure { one: "check cable and plugs", all: "check cable and plugs" },
     say: |_, record, out| match record.heard {
         Heard::Cycle(cycle) => cycle.trouble.map_or(Ok(()), |trouble| say(trouble, out)),
-        _ => write!(out, "trouble on the line"),
+        Heard::Row(row) if row.device.is_some() => {
+            write!(out, "the coupler reports a bad interface")
+        }
+        _ => write!(out, "the master reports trouble on the line"),
     },
 };
 
@@ -96,6 +99,7 @@ fn say(trouble: Trouble, out: &mut dyn fmt::Write) -> fmt::Result {
         Trouble::StopBits(count) => write!(out, "{count} characters without stop bit"),
         Trouble::Cut(count) => write!(out, "cut after {count} characters"),
         Trouble::Missing => write!(out, "on one of the two wires only"),
+        Trouble::Uneven { sent, back } => write!(out, "{sent} characters sent, {back} came back"),
         Trouble::Loopback { sent, back } => {
             write!(out, "loopback word {sent:04X} came back as {back:04X}")
         }

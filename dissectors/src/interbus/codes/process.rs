@@ -89,7 +89,7 @@ pub static ERROR_BIT: Code = Code {
     is_cause: false,
     meaning: "The device reports an error: in an acknowledgement, that it could not do the service; beside a position, that something is wrong with the position.",
     rule: "Bit 29 of IN: 1 = error (LA-66 manual §2.3; its sentence \"if the system could not carry out the service without errors, the error bit is 0\" has a \"not\" too many, as the same text in the manual of the 582 encoders shows).",
-    evidence: "The bit as it was logged; told when it comes and when it goes, the rows between are counted. It goes by \"a data check service\" only, which the manual does not define: the end tells which service was acknowledged last before it.",
+    evidence: "The bit as it was logged; told when it comes and, once IN shows a position without it, when it goes; the rows between are counted. An acknowledgement without it does not end it. It goes by \"a data check service\" only, which the manual does not define: the end tells which service was acknowledged last before it.",
     causes: &[
         "the magnet is outside the measuring range: the only cause that the manual defines",
         "the service that was asked for does not exist, or its data are not possible",
@@ -352,10 +352,10 @@ pub static POSITION_JUMP: Code = Code {
     severity: Severity::Warning,
     is_cause: false,
     meaning: "The position jumps, and no service of the log did it.",
-    rule: "No manual has such a rule. Positions jump by the preset adjustment (service 6) and by the external preset input, which sets preset value 1 (LA-66 manual §3.3, §3.4).",
+    rule: "No manual has such a rule. Positions jump by the preset adjustment (service 6) and by the external preset input, which sets preset value 1 (LA-66 manual §3.3, §3.4): a jump to the preset value 1 that was read or written before is told as such an event, without a finding.",
     evidence: "The step to this position differs from the steps before and after it by more than 127, by more than 8 times the largest other change of step among the device's last 100, and by more than an axis with 100 m/s² can do between two rows (0.1 mm at 1 ms, 10 mm at 10 ms, 250 mm at 50 ms; steps of 0.01 mm where the resolution is not known). Both differences have the same sign, and at least 4 changes of step were seen before. Steps are counted modulo the measuring length in steps, where it was read or written. Steps across services, gaps and rows with an error bit are left out. Where rows may have skipped a service, only a spike is told, and only if no service that moves positions was seen; else it is withheld.",
     causes: &[
-        "the external preset input was triggered: then the position is preset value 1",
+        "the external preset input was triggered, and the log does not show preset value 1",
         "the magnet left the measuring range, or a second magnet is near",
         "a preset by a service that the log does not show",
         "interference on the rod or on the bus",
@@ -376,10 +376,7 @@ pub static POSITION_JUMP: Code = Code {
             Some(device) => write!(out, "{device} jumps to {position}")?,
             None => write!(out, "the position jumps to {position}")?,
         }
-        match finding.limit {
-            Some(preset) => write!(out, ": preset value 1 is {preset}, the external preset input?"),
-            None => write!(out, ", the ones before lead to {led}"),
-        }
+        write!(out, ", the ones before lead to {led}")
     },
 };
 

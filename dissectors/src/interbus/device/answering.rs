@@ -30,7 +30,7 @@ impl Known {
         told: &mut Told,
     ) {
         let had_error = self.error_since.is_some();
-        self.see_error_bit(input.has_error_bit(), now.at, told.state, judgement);
+        self.see_error_bit(input, now.at, told.state, judgement);
         if !input.has_service_bit() {
             told.position = Some(input.data());
             let stray = input.stray_bits();
@@ -190,21 +190,21 @@ impl Known {
         }
     }
 
-    fn see_error_bit(
-        &mut self,
-        is_set: bool,
-        now: Moment,
-        state: State,
-        judgement: &mut Judgement,
-    ) {
-        match (self.error_since, is_set) {
+    /// The error bit is a state: an acknowledgement without it tells that this service was done,
+    /// and nothing of the error, so that it ends beside a position only.
+    fn see_error_bit(&mut self, input: Word, now: Moment, state: State, judgement: &mut Judgement) {
+        match (self.error_since, input.has_error_bit()) {
             (None, false) => {}
             (Some(_), true) => judgement.ongoing.push(&codes::ERROR_BIT),
+            (Some(_), false) if input.has_service_bit() => {
+                judgement.ongoing.push(&codes::ERROR_BIT);
+            }
             (None, true) => {
                 self.error_since = Some(now);
                 let mut finding = Finding::new(&codes::ERROR_BIT).state(Edge::Begin);
                 // What was read before tells nothing of a service that is refused now.
-                finding.actual = self.status.filter(|_| state.is_at_rest()).map(i64::from);
+                let status = self.status.filter(|status| *status != 0 && state.is_at_rest());
+                finding.actual = status.map(i64::from);
                 judgement.find(finding);
             }
             (Some(since), false) => {

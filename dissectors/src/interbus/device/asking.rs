@@ -5,7 +5,7 @@ use crate::event::Moment;
 use crate::finding::Finding;
 use crate::interbus::codes;
 use crate::interbus::handshake::State;
-use crate::interbus::judge::Judgement;
+use crate::interbus::judge::{Asked, Judgement};
 use crate::interbus::word::{Access, Word};
 
 /// Rows that show a state without a break before a time limit is judged in a log that skips
@@ -61,6 +61,9 @@ impl Known {
                 if !core::mem::replace(&mut request.is_changed, true) {
                     judgement.find(Finding::new(&codes::REQUEST_CHANGED));
                 }
+                if !request.is_answered {
+                    judgement.judge_request(out, &mut request.told);
+                }
             }
             request => {
                 let former = request.map(|it| it.former.unwrap_or(it.first));
@@ -74,8 +77,9 @@ impl Known {
     }
 
     fn begin(&mut self, out: Word, now: &Now<'_>, judgement: &mut Judgement) {
-        judgement.judge_request(out);
-        if !now.at.is_known() {
+        let mut told = Asked::default();
+        judgement.judge_request(out, &mut told);
+        if !now.at.is_known() || self.input.is_none() {
             judgement.find_if(false, Finding::new(&codes::NO_ACKNOWLEDGE));
         }
         self.request = Some(Request {
@@ -89,6 +93,7 @@ impl Known {
             is_changed: false,
             is_answered: false,
             is_told_late: false,
+            told,
         });
     }
 
@@ -101,7 +106,7 @@ impl Known {
         }
     }
 
-    /// What was to come and has not.
+    /// What was to come and has not: only IN can tell, in a row that has it.
     pub(super) fn watch_time(&mut self, state: State, now: &Now<'_>, judgement: &mut Judgement) {
         let is_asking = self.out.is_some_and(Word::has_service_bit);
         if state == State::Release {
@@ -145,8 +150,9 @@ impl Known {
     }
 }
 
-/// How long it has been since then, if that is more than the limit for certain.
+/// How long it has been since then, if that is more than the limit for certain and IN still says
+/// the same.
 fn late(now: &Now<'_>, (at, uncertainty): (Moment, u32), limit: i64) -> Option<i64> {
     let doubt = i64::from(uncertainty) + i64::from(now.uncertainty);
-    now.at.since(at).filter(|ns| *ns > limit.saturating_add(doubt))
+    now.at.since(at).filter(|ns| now.has_input && *ns > limit.saturating_add(doubt))
 }

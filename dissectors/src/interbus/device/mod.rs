@@ -8,7 +8,7 @@ use super::Settings;
 use super::axis::Axis;
 use super::codes;
 use super::handshake::{Grain, State};
-use super::judge::Judgement;
+use super::judge::{Asked, Judgement};
 use super::row::Row;
 use super::service::{LENGTH, PRESET};
 use super::word::{Access, Word};
@@ -60,6 +60,8 @@ struct Now<'a> {
     is_fine: bool,
     /// What OUT and IN say belongs together.
     is_paired: bool,
+    /// The row has IN.
+    has_input: bool,
     settings: &'a Settings,
 }
 
@@ -80,6 +82,8 @@ struct Request {
     is_changed: bool,
     is_answered: bool,
     is_told_late: bool,
+    /// What was told of what it asks for.
+    told: Asked,
 }
 
 impl Request {
@@ -230,6 +234,7 @@ impl Known {
             n,
             is_fine: settings.every_cycle || (is_whole && !is_gap && self.grain.is_fine(apart)),
             is_paired: settings.every_cycle || is_whole,
+            has_input: input.is_some(),
             settings,
         };
         let (out_before, in_before) = (self.out, self.input);
@@ -253,7 +258,8 @@ impl Known {
             response_time: None,
             step_mm: self.step_mm,
         };
-        if self.request.is_some_and(|request| request.n == n) {
+        // Of a device whose IN is not in the log, nobody can say that it never answers.
+        if self.input.is_some() && self.request.is_some_and(|request| request.n == n) {
             told.turn = Turn::Asks;
         }
         if let Some(input) = input {

@@ -29,6 +29,8 @@ impl Answers {
         origin: Origin,
         evidence: impl Into<String>,
     ) {
+        // What has no answer comes from nowhere.
+        let origin = if value.is_none() { Origin::Default } else { origin };
         self.0.push(Setting { key, value, origin, evidence: evidence.into() });
     }
 }

@@ -28,6 +28,13 @@ pub enum Trouble {
     Cut(u16),
     /// One wire carried nothing.
     Missing,
+    /// One wire carried more characters than the other.
+    Uneven {
+        /// Bytes that were sent.
+        sent: u16,
+        /// Bytes that came back.
+        back: u16,
+    },
     /// The loopback word came back as another.
     Loopback {
         /// What was sent.
@@ -153,10 +160,18 @@ impl Cycle {
         self.wires.iter().flatten()
     }
 
-    /// Whether stop bits or its end are missing, or may be.
+    /// Whether stop bits, characters or its end are missing, or may be.
     #[must_use]
     pub fn is_damaged(&self) -> bool {
-        self.frames().any(|frame| !frame.is_sound())
+        self.frames().any(|frame| !frame.is_sound()) || self.uneven().is_some()
+    }
+
+    /// Bytes on each wire, from the loopback word to the control word, where they differ: all that
+    /// is sent comes back, so that a character was lost, or one too many heard.
+    pub(super) fn uneven(&self) -> Option<(u16, u16)> {
+        let [Some(sent), Some(back)] = &self.wires else { return None };
+        let [sent, back] = [sent, back].map(|frame| frame.bytes().len() as u16);
+        (sent != back).then_some((sent, back))
     }
 
     /// The process data of a device, in a data cycle of a ring that is known.

@@ -10,6 +10,7 @@ mod cycle;
 mod find;
 mod frames;
 mod identify;
+mod locked;
 mod loopback;
 mod pairs;
 mod profile;

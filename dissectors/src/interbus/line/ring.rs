@@ -1,5 +1,6 @@
 //! The ring: its devices and the widths of their registers, and which bytes of a cycle are whose.
 
+use super::super::identification::{self, IdWord};
 use super::super::row::Device;
 use super::profile::RingDevice;
 use alloc::vec::Vec;
@@ -134,31 +135,12 @@ impl Ring {
     }
 }
 
-/// The width that an ID word tells, in bits (Phoenix SUPI 3, table 3-11); `None` for reserved codes
-/// and for words of devices with process data that tell no direction of it (VIPA 200V, p 4-13).
+/// The width that an ID word tells, in bits; `None` for reserved length codes, and for words of
+/// devices with process data that tell no direction of it.
 fn width_of(id: u16) -> Option<u16> {
-    let words = |count: u16| Some(16 * count);
-    let width = match id >> 8 & 0x1F {
-        0x00 => words(0),
-        code @ 0x01..=0x05 => words(code),
-        0x06 => words(8),
-        0x07 => words(9),
-        0x08 => Some(4),
-        0x09 => Some(8),
-        0x0B => Some(24),
-        0x0D => Some(2),
-        0x0E => words(6),
-        0x0F => words(7),
-        0x11 => words(26),
-        0x12 => words(16),
-        0x13 => words(24),
-        0x14 => words(32),
-        0x15 => words(10),
-        0x16 => words(12),
-        0x17 => words(14),
-        _ => None,
-    };
-    width.filter(|width| *width == 0 || id & 3 != 0)
+    let id = IdWord::of(id);
+    let has_direction = id.direction() != identification::Direction::None;
+    id.length.bits().filter(|width| *width == 0 || has_direction)
 }
 
 #[cfg(test)]

@@ -6,13 +6,22 @@ use super::cycle::{Cycle, Frame, Select, Trouble, WIRES};
 /// means is not known, and it may change all the time.
 const STEADY: u32 = 20;
 
+/// How long cycles are.
+#[derive(Clone, Copy, Debug)]
+struct Length {
+    /// Those before.
+    usual: u16,
+    /// The last one.
+    last: u16,
+}
+
 /// Compares cycles with those before.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     /// A cycle without trouble was heard: a capture may begin anywhere.
     is_begun: bool,
-    /// Bytes of the last cycle with these flags.
-    length: [Option<u16>; 8],
+    /// Bytes of cycles with these flags.
+    length: [Option<Length>; 8],
     /// The control word of each wire in cycles with these flags, and for how many cycles.
     control: [[Option<(u16, u32)>; 8]; WIRES],
 }
@@ -42,18 +51,24 @@ impl Watch {
             (1.., _) => Some(Trouble::StopBits(bad)),
             (0, Some(cut)) => Some(Trouble::Cut(cut.bytes().len() as u16)),
             (0, None) if has_partner && cycle.frames().count() < WIRES => Some(Trouble::Missing),
-            (0, None) => None,
+            (0, None) => cycle.uneven().map(|(sent, back)| Trouble::Uneven { sent, back }),
         }
     }
 
+    /// A length that is another. One cycle alone may have a character too many: the next one is
+    /// compared with those before it.
     fn length(&mut self, cycle: &Cycle) -> Option<Trouble> {
         if cycle.select != Select::Data {
             return None;
         }
         let now = cycle.frames().map(|frame| frame.registers().len()).max()? as u16;
-        let before = self.length[kind(cycle)].replace(now)?;
+        let known = &mut self.length[kind(cycle)];
+        let Length { usual: before, last } = known.unwrap_or(Length { usual: now, last: now });
+        let usual = if now == last { now } else { before };
+        *known = Some(Length { usual, last: now });
+        let is_new = now != before && now != last;
         let [before, now] = [before, now].map(|length| length.saturating_sub(2));
-        (before != now).then_some(Trouble::Length { before, now })
+        is_new.then_some(Trouble::Length { before, now })
     }
 
     fn loopback(cycle: &Cycle) -> Option<Trouble> {

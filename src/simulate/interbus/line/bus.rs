@@ -24,13 +24,14 @@ const CLOCK_ERROR: f64 = 0.01;
 /// Data cycles before anything goes wrong: enough to find out how the line is coded.
 const HEALTHY: u64 = 48;
 
-/// Silence after which all devices reset (spec §2.1).
+/// Silence after which all devices reset, as Phoenix Contact has it (others say 20 ms).
 const RESET: Ps = 25 * MS;
 
 /// Silence before the master is switched on.
 const BEFORE: Ps = 30 * MS;
 
-/// Time from one device to the next, in bits: half of what masters are reckoned with (spec §2.6).
+/// Time from one device to the next, in bits: half of what cycle times are reckoned with (Beckhoff:
+/// 1.5 bits for the way there and back).
 const HOP: f64 = 0.75;
 
 /// The fewest status telegrams between two cycles.

@@ -45,8 +45,9 @@ pub mod tests {
 
     #[test]
     fn published_check_values() {
-        // Spec §3.5, on `123456789` and on the frames of an LA-66 alone: OUT 81000000 and IN
-        // 00012345 with the placeholder B5E3 as the loopback word, and without it.
+        // The check values of the CRC catalogue on `123456789`; and what a program of its own
+        // gives for the frames of an LA-66 alone: OUT 81000000 and IN 00012345 with B5E3 for the
+        // loopback word, and without it.
         let (out, input) = ([0x81, 0, 0, 0], [0, 1, 0x23, 0x45]);
         let with = |first: &[u8], second: &[u8]| [first, second].concat();
         let lbw = [0xB5, 0xE3];

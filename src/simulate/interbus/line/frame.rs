@@ -1,6 +1,7 @@
-//! Frames (spec §2.2, §2.3): the ring is one shift register, into which the master shifts the
-//! loopback word and what it sends, the last device's first, and out of which come what the devices
-//! have to say, the last device's first, and the loopback word.
+//! Frames, of the parts that VIPA 200V p. 4-5 and Phoenix Contact show: the ring is one shift
+//! register, into which the master shifts the loopback word and what it sends, the last device's
+//! first, and out of which come what the devices have to say, the last device's first, and the
+//! loopback word.
 
 use super::profile::Profile;
 use std::collections::VecDeque;
@@ -65,7 +66,8 @@ mod tests {
 
     #[test]
     fn the_ring_of_the_specification() {
-        // Spec §2.3: three devices of 16, 32 and 16 bit.
+        // Three devices of 16, 32 and 16 bit: what is sent enters the first register, and every
+        // register pushes its content on.
         let (out, input) =
             ([&[0xAA; 2][..], &[0xBB; 4], &[0xCC; 2]], [&[0x11; 2][..], &[0x22; 4], &[0x33; 2]]);
         let devices: Vec<(&[u8], &[u8])> = out.into_iter().zip(input).collect();
@@ -85,7 +87,7 @@ mod tests {
 
     #[test]
     fn id_words_come_last_device_first() {
-        // Spec §2.4: IDs 0203, 0233, 0132.
+        // IDs 0203, 0233, 0132, the last one first.
         let ids = [[0x02, 0x03], [0x02, 0x33], [0x01, 0x32]];
         let devices: Vec<(&[u8], &[u8])> = ids.iter().map(|id| (&[0, 0][..], &id[..])).collect();
         let frame = Frame::new(&Profile::default(), LBW, &devices);
@@ -94,7 +96,7 @@ mod tests {
 
     #[test]
     fn an_encoder_alone() {
-        // Spec §3.5: CRC-16/XMODEM, with and without the loopback word.
+        // CRC-16/XMODEM of these bytes, with and without the loopback word.
         let device: (&[u8], &[u8]) = (&[0x81, 0, 0, 0], &[0, 1, 0x23, 0x45]);
         let mut profile = Profile { crc: named(0, false, 0), ..Profile::default() };
         let frame = Frame::new(&profile, LBW, &[device]);

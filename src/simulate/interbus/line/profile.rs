@@ -1,4 +1,4 @@
-//! How a line is coded: everything that is not publicly known of INTERBUS (spec §2.1, §3.1), as a
+//! How a line is coded: everything that is not publicly known of INTERBUS, as a
 //! choice.
 
 use crate::simulate::chance::Chance;

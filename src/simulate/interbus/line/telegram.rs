@@ -1,4 +1,4 @@
-//! Telegrams on a wire (spec §2.1): start bit, three flags, a byte in data telegrams, stop bit.
+//! Telegrams on a wire, as lectures report them: start bit, three flags, a byte in data telegrams, stop bit.
 
 use super::profile::{BitOrder, Profile};
 use crate::simulate::level::Low;
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn the_model_characters_of_the_specification() {
-        // Spec §3.5: data 81h with flags 001, and a status telegram 000.
+        // Data 81h with flags 001, 0 001 10000001 1; a status telegram with 000, 0 000 1.
         let profile = Profile::default();
         let flags = [false, false, true];
         assert_eq!(text(&data(flags, 0x81, &profile)), "0001100000011");
