@@ -219,9 +219,9 @@ impl Consumer for Desk<'_> {
         }
     }
 
-    fn note(&mut self, line: &str) {
+    fn note(&mut self, text: &str) {
         if !self.is_quiet {
-            say!("{line}");
+            say!("fieldtap: {text}");
         }
     }
 

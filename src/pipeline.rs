@@ -17,8 +17,8 @@ pub trait Consumer: Sink {
     /// Takes what the user should know about a source that goes on.
     fn warn(&mut self, warning: &SourceError);
 
-    /// Takes what a live tap found out about itself.
-    fn note(&mut self, line: &str);
+    /// Takes what the user may want to know about a source.
+    fn note(&mut self, _: &str) {}
 
     /// The capture of a bus ended here, if the source told.
     fn end(&mut self, bus: &BusInfo, end: Moment);
@@ -99,7 +99,7 @@ impl Pipeline {
                 consumer.comment(self.buses[numbers[bus]].info(), time, text);
             }
             Piece::Warning(warning) => consumer.warn(&warning),
-            Piece::Note(line) => consumer.note(&line),
+            Piece::Note(text) => consumer.note(text),
             Piece::End(bus, end) => self.ends[numbers[bus]] = end,
         }
     }

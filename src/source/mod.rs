@@ -14,6 +14,7 @@ mod lines;
 mod link;
 pub mod live;
 mod logic;
+mod marks;
 mod numbers;
 mod outbox;
 mod parmrk;
@@ -61,8 +62,8 @@ pub enum Piece<'a> {
     /// Something about the source that the user should know, and that does not keep it from going
     /// on: what, where, and what to do.
     Warning(SourceError),
-    /// What a live tap found out about itself: a line for the user.
-    Note(String),
+    /// What the user may want to know about the source, and need not worry about.
+    Note(&'a str),
 }
 
 /// A capture that is being read.

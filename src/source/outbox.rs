@@ -78,7 +78,7 @@ enum Waiting {
     Silence(usize, Moment),
     Comment(usize, Moment, Range<usize>),
     Warning(SourceError),
-    Note(String),
+    Note(Range<usize>),
     End(usize, Moment),
     Error(SourceError),
 }
@@ -159,19 +159,25 @@ impl Outbox {
 
     /// Somebody commented on what was heard at this time.
     pub fn comment(&mut self, bus: usize, at: Moment, text: &str) {
+        let text = self.keep(text);
+        self.waiting.push_back(Waiting::Comment(bus, at, text));
+    }
+
+    /// Something about the source that the user may want to know.
+    pub fn note(&mut self, text: &str) {
+        let text = self.keep(text);
+        self.waiting.push_back(Waiting::Note(text));
+    }
+
+    fn keep(&mut self, text: &str) -> Range<usize> {
         let first = self.text.len();
         self.text.push_str(text);
-        self.waiting.push_back(Waiting::Comment(bus, at, first..self.text.len()));
+        first..self.text.len()
     }
 
     /// Something about the source that the user should know.
     pub fn warning(&mut self, warning: SourceError) {
         self.waiting.push_back(Waiting::Warning(warning));
-    }
-
-    /// A live tap found this out about itself.
-    pub fn note(&mut self, line: String) {
-        self.waiting.push_back(Waiting::Note(line));
     }
 
     /// The capture of a bus ends.
@@ -217,7 +223,7 @@ impl Outbox {
             Waiting::Silence(bus, until) => Piece::Heard(bus, Event::Advance(until)),
             Waiting::Comment(bus, at, range) => Piece::Comment(bus, at, &self.text[range]),
             Waiting::Warning(warning) => Piece::Warning(warning),
-            Waiting::Note(line) => Piece::Note(line),
+            Waiting::Note(range) => Piece::Note(&self.text[range]),
             Waiting::End(bus, at) => Piece::End(bus, at),
             Waiting::Error(error) => return Some(Err(error)),
         }))

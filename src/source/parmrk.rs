@@ -1,23 +1,20 @@
 //! `parmrk`: bytes as a Linux tty gives them with INPCK and PARMRK set (termios(3)).
 //!
-//! `FF FF` is a good FFh, `FF 00 c` a bad character c, which is not doubled even if it is FFh. `FF
-//! 00 00` is a bad 00h or a break: nothing tells which, and 00h is a legal data word, so that it is
-//! taken for a character with a parity error.
+//! `FF 00 00` is a bad 00h or a break: nothing tells which, and 00h is a legal data word, so that
+//! it is taken for a character with a parity error.
 
 use super::bytes::{BATCH, BUS, announce, character};
+use super::marks::{Escape, Sign};
 use super::outbox::{Outbox, Reader};
 use super::stream::Stream;
 use super::{Input, Place, SourceError, SourceOptions};
 use dissectors::uart::{Character, Parity};
 
-/// What begins a mark.
-const FLAG: u8 = 0xFF;
-
 /// Whether bytes may be of this format: marks are among them, and nothing that contradicts.
 pub fn fits(head: &[u8]) -> bool {
-    let (mut escape, mut heard) = (Escape::None, Vec::new());
-    let is_possible = head.iter().all(|byte| escape.take(*byte, &mut heard));
-    is_possible && heard.len() < head.len() - usize::from(escape != Escape::None)
+    let (mut escape, mut heard) = (Escape::None, 0);
+    let is_possible = head.iter().all(|byte| escape.take(*byte, &mut |_| heard += 1));
+    is_possible && heard < head.len() - usize::from(escape != Escape::None)
 }
 
 /// A source of bytes with marks.
@@ -27,17 +24,6 @@ pub struct Parmrk {
     has_warned: bool,
     escape: Escape,
     batch: Vec<Character>,
-}
-
-/// How much of an escape there was. It may be split between any two reads.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Escape {
-    /// Nothing.
-    None,
-    /// FF.
-    Begun,
-    /// FF 00.
-    Bad,
 }
 
 impl Parmrk {
@@ -79,7 +65,7 @@ impl Reader for Parmrk {
         let count = there.len().min(BATCH);
         let mut wrong = None;
         for (offset, byte) in (offset..).zip(&there[..count]) {
-            if !self.escape.take(*byte, &mut self.batch) {
+            if !self.escape.take(*byte, &mut |sign| self.batch.push(heard(sign))) {
                 wrong = wrong.or(Some(offset));
             }
         }
@@ -96,35 +82,14 @@ impl Reader for Parmrk {
     }
 }
 
-impl Escape {
-    /// Takes a byte, and puts the characters it completes in the batch. False if it cannot stand
-    /// there.
-    fn take(&mut self, byte: u8, batch: &mut Vec<Character>) -> bool {
-        let mut hear = |byte: u8, parity| batch.push(character(u16::from(byte), parity));
-        let (next, is_possible) = match (*self, byte) {
-            (Escape::None, FLAG) => (Escape::Begun, true),
-            (Escape::None, good) => {
-                hear(good, Parity::Ok);
-                (Escape::None, true)
-            }
-            (Escape::Begun, FLAG) => {
-                hear(FLAG, Parity::Ok);
-                (Escape::None, true)
-            }
-            (Escape::Begun, 0) => (Escape::Bad, true),
-            (Escape::Begun, other) => {
-                hear(FLAG, Parity::Unknown);
-                hear(other, Parity::Unknown);
-                (Escape::None, false)
-            }
-            (Escape::Bad, bad) => {
-                hear(bad, Parity::Error);
-                (Escape::None, true)
-            }
-        };
-        *self = next;
-        is_possible
-    }
+/// The character of a sign: a mark is taken for a parity error.
+fn heard(sign: Sign) -> Character {
+    let (byte, parity) = match sign {
+        Sign::Good(byte) => (byte, Parity::Ok),
+        Sign::Bad(byte) => (byte, Parity::Error),
+        Sign::Stray(byte) => (byte, Parity::Unknown),
+    };
+    character(u16::from(byte), parity)
 }
 
 #[cfg(test)]

@@ -11,6 +11,8 @@ mod live_can;
 mod peers;
 mod real_captures;
 mod selection;
+#[cfg(target_os = "linux")]
+mod serial;
 mod set_ups;
 mod simulate;
 mod snapshots;

@@ -74,7 +74,7 @@ pub static OVERRUN: Code = Code {
     is_cause: false,
     meaning: "The receiver was overrun: characters were on the wire that are not in the capture.",
     rule: "What is not in the capture is not judged; telegrams around the gap may be torn.",
-    evidence: "The overflow event of the capture.",
+    evidence: "The overflow event of the capture, or the overrun counters of a live port's driver.",
     causes: &[
         "the computer was too busy to fetch the characters in time",
         "the adapter's buffer is small for this rate",
@@ -100,6 +100,7 @@ pub static LOST: Code = Code {
     evidence: "The loss event of the capture, or a gap between two pieces of it.",
     causes: &[
         "the program that captured could not keep up",
+        "a live port vanished and came back, or was listened to at another rate for a while",
         "the logic analyzer was switched off or its channel was not recorded for a while",
     ],
     next: &[

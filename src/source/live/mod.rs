@@ -16,7 +16,7 @@ use crate::interrupt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 /// How long a tap waits for something to be heard before it says that nothing was.
@@ -40,7 +40,7 @@ pub struct LiveOptions {
 /// silence where there was none.
 pub trait Tap: Reader + Send {
     /// Nobody listens any more: says what is left to say, such as counters and when it ended.
-    fn end(&mut self, out: &mut Outbox);
+    fn end(&mut self, _: &mut Outbox) {}
 }
 
 /// Whether a name is that of a live tap: `serial:/dev/ttyUSB0`, `can:can0`, `slcan:/dev/ttyACM0`.
@@ -67,10 +67,12 @@ fn tap_of(name: &str) -> Option<(Open, &str)> {
 
 /// A tap that is being listened to, as a source.
 pub struct Listening {
-    deliveries: Receiver<Outbox>,
+    /// `None` once nobody listens any more.
+    deliveries: Option<Receiver<Outbox>>,
     give_back: SyncSender<Outbox>,
     current: Outbox,
     is_over: Arc<AtomicBool>,
+    ear: Option<JoinHandle<()>>,
 }
 
 impl Listening {
@@ -80,8 +82,9 @@ impl Listening {
         let (give_back, empty) = sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
         let ear = Ear { tap, sender, empty, is_over: Arc::clone(&is_over) };
-        thread::spawn(move || ear.listen());
-        Listening { deliveries, give_back, current: Outbox::default(), is_over }
+        let ear = Some(thread::spawn(move || ear.listen()));
+        let deliveries = Some(deliveries);
+        Listening { deliveries, give_back, current: Outbox::default(), is_over, ear }
     }
 }
 
@@ -94,7 +97,8 @@ impl Source for Listening {
                 return Ok(None);
             }
             // The ear is gone once it has said everything.
-            let Ok(next) = self.deliveries.recv() else { return Ok(None) };
+            let next = self.deliveries.as_ref().and_then(|deliveries| deliveries.recv().ok());
+            let Some(next) = next else { return Ok(None) };
             let used = std::mem::replace(&mut self.current, next);
             // Nobody needs it where the ear is gone.
             let _ = self.give_back.try_send(used);
@@ -111,6 +115,13 @@ impl Source for Listening {
 impl Drop for Listening {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
+        // An ear that waits for room to deliver finds nobody there, and ends too.
+        self.deliveries = None;
+        if let Some(ear) = self.ear.take() {
+            // The tap leaves its device as it should before the program ends. One that panicked
+            // has said so.
+            let _ = ear.join();
+        }
     }
 }
 

@@ -83,7 +83,7 @@ impl CanTap {
     }
 
     fn describe(&self, out: &mut Outbox) {
-        out.note(format!("{}: {}", self.source, self.interface.describe()));
+        out.note(&format!("{}: {}", self.source, self.interface.describe()));
     }
 
     fn error(&self, what: impl Into<String>) -> SourceError {

@@ -76,7 +76,7 @@ impl Ear {
         let facts = WireFacts { medium: Some(Medium::Can), baud, ..WireFacts::default() };
         let clock = if setting.has_stamps { Clock::Hardware } else { Clock::Read };
         out.bus(BusInfo::new(self.name.clone(), Some(clock)), facts);
-        out.note(format!("{}: {}", self.source, describe(setting)));
+        out.note(&format!("{}: {}", self.source, describe(setting)));
     }
 
     /// Reads once, and says what was heard, or that nothing was.

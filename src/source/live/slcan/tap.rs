@@ -138,7 +138,7 @@ impl SlcanTap {
             let mut port = Adapter::new(port);
             // One that does not listen may not be awake yet.
             if let Ok(setting) = self.set(&mut port, rate) {
-                out.note(format!("{}: the adapter is back", self.source));
+                out.note(&format!("{}: the adapter is back", self.source));
                 return State::Listening(port, setting);
             }
         }
