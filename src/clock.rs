@@ -12,6 +12,11 @@ use std::str::FromStr;
 /// Times from here on are taken for dates, not for seconds since the capture's start: 1973.
 const FIRST_DATE_NS: i64 = 100_000_000_000_000_000;
 
+/// Whether a time is a date, rather than a time since the capture's start.
+pub fn is_date(ns: i64) -> bool {
+    ns >= FIRST_DATE_NS
+}
+
 const DAY_NS: i64 = 86_400_000_000_000;
 
 /// A time as the user names it.

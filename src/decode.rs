@@ -47,6 +47,8 @@ pub struct Outcome {
     error: Option<SourceError>,
     output: io::Result<()>,
     is_interrupted: bool,
+    /// A source goes on until somebody ends it.
+    is_live: bool,
     fail_on: Option<FailOn>,
     /// Nothing but errors is said on standard error.
     pub is_quiet: bool,
@@ -100,6 +102,12 @@ impl Outcome {
                 say!("auto: {}: {learned}", bus.info().name);
             }
         }
+    }
+
+    /// The same where an interruption is how a live source is meant to end.
+    pub fn ended_as_meant(mut self) -> Self {
+        self.is_interrupted &= !self.is_live;
+        self
     }
 
     /// 3 outranks 130 outranks 1; a closed pipe is none of these.
@@ -159,9 +167,9 @@ pub fn decode(
     if desk.output.is_ok() {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
     }
-    let Desk { tally, clock, output, .. } = desk;
+    let Desk { tally, clock, output, is_live, .. } = desk;
     let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
-    Outcome { tally, pipeline, clock, error, output, is_interrupted, fail_on, is_quiet }
+    Outcome { tally, pipeline, clock, error, output, is_interrupted, is_live, fail_on, is_quiet }
 }
 
 /// Selects the records the user asked for, counts them and has them written.
@@ -231,7 +239,7 @@ impl Consumer for Desk<'_> {
 }
 
 /// What the user says about the sources.
-fn source_options(decoding: &Decoding) -> SourceOptions {
+pub fn source_options(decoding: &Decoding) -> SourceOptions {
     SourceOptions {
         format: decoding.input_format,
         channels: decoding.channel.clone(),

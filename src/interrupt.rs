@@ -25,6 +25,17 @@ pub fn catch(status: u8) {
     }
 }
 
+/// A file that grows beyond what the user's limits allow is an error of writing it, and not the end
+/// of the program.
+pub fn outlive_limits() {
+    #[cfg(unix)]
+    {
+        // Where the signal cannot be caught, the limit ends the program.
+        let nobody = Arc::default();
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, nobody);
+    }
+}
+
 /// Whether one came.
 pub fn came() -> bool {
     CAME.get().is_some_and(|came| came.load(Ordering::Relaxed))

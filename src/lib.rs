@@ -15,6 +15,7 @@ pub mod export;
 pub mod interrupt;
 pub mod output;
 pub mod pipeline;
+pub mod record;
 mod simulate;
 pub mod source;
 pub mod stations;

@@ -7,9 +7,10 @@ use crate::pipeline::Pipeline;
 use crate::tally::{FindingTally, StationTally, Tally};
 use crate::terminal::clean;
 use dissectors::bus::{Bus, LineCounts};
+use dissectors::can::Load;
 use dissectors::finding::{Severity, Span};
 use dissectors::protocol::{Conclusion, Medium};
-use dissectors::uart::Baud;
+use dissectors::uart::{Baud, Wire};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
@@ -60,9 +61,17 @@ fn line(buses: &[Bus], several: bool) -> String {
 fn line_of(bus: &Bus) -> String {
     match bus.protocol().map(|protocol| protocol.medium) {
         Some(Medium::Words) => line_of_words(bus),
-        _ if is_can(bus) => line_of_can(bus),
-        _ => line_of_characters(bus),
+        _ if is_can(bus) => line_of_can(bus.counts(), bus.wire(), bus.load()),
+        _ => {
+            let is_inverted = if bus.is_inverted() { ", upside down" } else { "" };
+            line_of_characters(bus.counts(), bus.wire()) + is_inverted
+        }
     }
+}
+
+/// The line of a bus of which nothing is known but what was counted on it.
+pub fn line_of_counts(counts: LineCounts, wire: Wire, is_can: bool) -> String {
+    if is_can { line_of_can(counts, wire, None) } else { line_of_characters(counts, wire) }
 }
 
 fn line_of_words(bus: &Bus) -> String {
@@ -79,13 +88,13 @@ fn is_can(bus: &Bus) -> bool {
     bus.counts().frames > 0 || bus.protocol().is_some_and(|protocol| protocol.medium == Medium::Can)
 }
 
-fn line_of_can(bus: &Bus) -> String {
-    let LineCounts { frames, error_frames, losses, .. } = bus.counts();
+fn line_of_can(counts: LineCounts, wire: Wire, load: Option<Load>) -> String {
+    let LineCounts { frames, error_frames, losses, .. } = counts;
     if frames == 0 {
         return "silent: no frames".to_owned();
     }
     let state = if error_frames * 100 > frames { "bad" } else { "ok" };
-    let rate = match bus.wire().baud() {
+    let rate = match wire.baud() {
         Some(rate) => bitrate(rate),
         None => "bit rate not known".to_owned(),
     };
@@ -93,13 +102,12 @@ fn line_of_can(bus: &Bus) -> String {
     let share = error_frames as f64 * 100.0 / frames as f64;
     let errors = counted(error_frames, "error frame");
     let mut text = format!("{state}: {rate}, {frames} frame{plural}, {errors} ({share:.2} %)");
-    let load = bus.load();
     let percent = |permille: u16| f64::from(permille) / 10.0;
     // A String takes any text.
-    if let Some(mean) = load.and_then(|load| load.mean()) {
+    if let Some(mean) = load.as_ref().and_then(Load::mean) {
         let _ = write!(text, ", load {:.1} %", percent(mean));
     }
-    if let Some(peak) = load.and_then(|load| load.peak()) {
+    if let Some(peak) = load.as_ref().and_then(Load::peak) {
         let _ = write!(text, ", peak {:.1} %", percent(peak));
     }
     if losses > 0 {
@@ -116,9 +124,7 @@ fn bitrate(rate: Baud) -> String {
     }
 }
 
-fn line_of_characters(bus: &Bus) -> String {
-    let counts = bus.counts();
-    let wire = bus.wire();
+fn line_of_characters(counts: LineCounts, wire: Wire) -> String {
     let state = match counts {
         LineCounts { characters: 0, breaks: 0, .. } => return "silent: no characters".to_owned(),
         LineCounts { characters, damaged, glitches, .. }
@@ -149,9 +155,6 @@ fn line_of_characters(bus: &Bus) -> String {
             };
             let _ = write!(text, ", {count} {what}{plural}");
         }
-    }
-    if bus.is_inverted() {
-        text.push_str(", upside down");
     }
     text
 }

@@ -152,7 +152,7 @@ pub enum Speaks {
 
 /// A dissector: events of one bus in, records out. It is a state machine without a clock: time
 /// passes for it only by the events it is given.
-pub trait Dissector {
+pub trait Dissector: Send {
     /// Takes the next event.
     fn hear(&mut self, bus: &BusInfo, event: Event<'_>, out: &mut Output<'_>);
 

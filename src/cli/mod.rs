@@ -39,6 +39,8 @@ pub struct Cli {
 pub enum Command {
     /// Print the decoded trace of a capture.
     Read(crate::commands::read::Arguments),
+    /// Write what a tap hears to disk, for days: with ring files, or only around events.
+    Record(crate::commands::record::Arguments),
     /// Sum a capture up: stations, findings, response times.
     Stats(crate::commands::stats::Arguments),
     /// Write a capture in another container.

@@ -6,6 +6,7 @@ pub mod explain;
 pub mod fields;
 pub mod man;
 pub mod read;
+pub mod record;
 pub mod simulate;
 pub mod stats;
 
@@ -19,6 +20,7 @@ use std::process::ExitCode;
 pub fn run(cli: &Cli) -> ExitCode {
     match &cli.command {
         Command::Read(arguments) => read::run(arguments),
+        Command::Record(arguments) => record::run(arguments),
         Command::Stats(arguments) => stats::run(arguments),
         Command::Convert(arguments) => convert::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),

@@ -12,7 +12,8 @@ use std::process::ExitCode;
 /// What to read and how to print it.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Captures: files, or - for standard input. Several are read as one stream.
+    /// Captures: files, or - for standard input; several are read as one stream. Or a live tap,
+    /// such as serial:/dev/ttyUSB0, can:can0 or slcan:/dev/ttyACM0.
     #[arg(value_name = "SOURCE", required = true)]
     sources: Vec<String>,
 

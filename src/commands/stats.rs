@@ -19,7 +19,8 @@ use std::process::ExitCode;
 /// What to sum up, and how.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Captures: files, or - for standard input. Several are read as one stream.
+    /// Captures: files, or - for standard input; several are read as one stream. Or a live tap,
+    /// which is followed until Ctrl-C.
     #[arg(value_name = "SOURCE", required = true)]
     sources: Vec<String>,
 
@@ -51,7 +52,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         }
     };
     let mut nowhere = Nowhere;
-    let outcome = decode(decoding, &arguments.sources, settings, &mut nowhere);
+    let outcome = decode(decoding, &arguments.sources, settings, &mut nowhere).ended_as_meant();
     let text = match arguments.format {
         Form::Text => text(&outcome),
         Form::Json => format!("{:#}\n", as_json(&outcome)),

@@ -6,7 +6,7 @@ mod chars;
 mod columns;
 mod csv;
 mod json;
-mod pcapng;
+pub mod pcapng;
 pub mod schema;
 mod text;
 

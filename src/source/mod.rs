@@ -41,7 +41,9 @@ pub use live::LiveOptions;
 
 pub use numbers::{frequency, seconds_in_ns};
 
-use outbox::Reading;
+#[cfg(test)]
+pub(crate) use outbox::Reader;
+pub(crate) use outbox::{Outbox, Reading};
 
 use dissectors::bus::WireFacts;
 use dissectors::event::{Event, Moment};

@@ -180,6 +180,11 @@ impl Outbox {
         self.waiting.push_back(Waiting::Warning(warning));
     }
 
+    /// A live tap found this out about itself.
+    pub fn note(&mut self, line: String) {
+        self.waiting.push_back(Waiting::Note(line));
+    }
+
     /// The capture of a bus ends.
     pub fn end(&mut self, bus: usize, at: Moment) {
         self.waiting.push_back(Waiting::End(bus, at));
@@ -193,6 +198,31 @@ impl Outbox {
     /// Breaks that wait to be handed over.
     pub fn breaks(&self) -> usize {
         self.waiting.iter().filter(|waiting| matches!(waiting, Waiting::Break(..))).count()
+    }
+
+    /// What another source said.
+    pub fn pass_on(&mut self, piece: Piece<'_>) {
+        match piece {
+            Piece::Bus(info, facts) => self.bus(info, facts),
+            Piece::Heard(bus, event) => self.hear(bus, event),
+            Piece::Comment(bus, at, text) => self.comment(bus, at, text),
+            Piece::End(bus, at) => self.end(bus, at),
+            Piece::Warning(warning) => self.warning(warning),
+            Piece::Note(line) => self.note(line),
+        }
+    }
+
+    /// What was heard, whatever it is.
+    pub fn hear(&mut self, bus: usize, event: Event<'_>) {
+        match event {
+            Event::Characters(characters) => self.characters(bus, characters.iter().copied()),
+            Event::Frames(frames) => frames.iter().for_each(|frame| self.frame(bus, *frame)),
+            Event::Rows(rows) => rows.iter().for_each(|row| self.row(bus, *row)),
+            Event::Levels(levels) => self.levels(bus, levels),
+            Event::Break(event) => self.line_break(bus, event),
+            Event::Lost(loss) => self.lost(bus, loss),
+            Event::Advance(until) => self.silence(bus, until),
+        }
     }
 
     /// Empties it for what is heard next. What was not handed over is gone.

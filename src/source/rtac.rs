@@ -40,6 +40,7 @@ pub struct Tap {
     bus: usize,
     told_baud: Option<Baud>,
     told_format: Option<Format>,
+    has_all_stamps: bool,
     /// A character's length and rate, told or assumed.
     bits: u32,
     baud: u32,
@@ -62,6 +63,7 @@ impl Tap {
             bus: 0,
             told_baud: baud,
             told_format: note.format,
+            has_all_stamps: note.has_all_stamps,
             bits: format.bits(),
             baud: baud.or(user.baud).map_or(ASSUMED_BAUD, Baud::get),
             uncertainty: resolution.max(note.uncertainty),
@@ -96,7 +98,7 @@ impl Tap {
         WireFacts {
             baud: self.told_baud,
             format: self.told_format,
-            spacing_is_assumed: self.told_baud.is_none(),
+            spacing_is_assumed: self.told_baud.is_none() && !self.has_all_stamps,
             sampling: None,
             medium: None,
         }

@@ -17,11 +17,19 @@ pub struct TapNote {
     pub parity: ParityMarks,
     /// The character format, if it is told.
     pub format: Option<Format>,
+    /// Every character has a stamp of its own, whether the rate is told or not.
+    pub has_all_stamps: bool,
 }
 
 impl Default for TapNote {
     fn default() -> Self {
-        TapNote { clock: Clock::Log, uncertainty: 0, parity: ParityMarks::Character, format: None }
+        TapNote {
+            clock: Clock::Log,
+            uncertainty: 0,
+            parity: ParityMarks::Character,
+            format: None,
+            has_all_stamps: false,
+        }
     }
 }
 
@@ -44,6 +52,7 @@ impl TapNote {
                         _ => ParityMarks::Character,
                     }
                 }
+                "stamps" => note.has_all_stamps = value == "all",
                 "format" => note.format = value.parse().ok(),
                 _ => {}
             }
@@ -66,6 +75,7 @@ mod tests {
                 uncertainty: 16_000_000,
                 parity: ParityMarks::Packet,
                 format: Some(Format::FT12),
+                has_all_stamps: false,
             })
         );
     }
@@ -80,6 +90,7 @@ mod tests {
         );
         assert_eq!(parse("fieldtap-tap: pm_ns=99999999999").unwrap().uncertainty, u32::MAX);
         assert_eq!(parse("fieldtap-tap: parity=none").unwrap().parity, ParityMarks::None);
+        assert!(parse("fieldtap-tap: clock=log stamps=all").unwrap().has_all_stamps);
         assert_eq!(parse("a comment of somebody else"), None);
         assert_eq!(parse("fieldtap: 3 answers 154"), None);
     }

@@ -10,6 +10,7 @@ mod live;
 mod live_can;
 mod peers;
 mod real_captures;
+mod record;
 mod selection;
 #[cfg(target_os = "linux")]
 mod serial;

@@ -4,10 +4,10 @@
 //! block is a run of good characters that follow each other; a bad character is a block of its own.
 //! The block's stamp, in ns, is the first start bit.
 
-use super::duration;
+use super::blocks::{duration, unsupported};
 use dissectors::event::{LossCause, Moment};
-use dissectors::record::{BusInfo, Record};
-use dissectors::uart::{Character, Parity, ParityMarks, Wire};
+use dissectors::record::BusInfo;
+use dissectors::uart::{Character, Format, Parity, ParityMarks, Wire};
 use std::io;
 
 /// Events of the RTAC header.
@@ -19,25 +19,23 @@ const PARITY_ERROR: u8 = 0x08;
 pub const BREAK: u8 = 0x09;
 const OVERFLOW: u8 = 0x0A;
 
-/// What the interface's comment says of the characters.
+/// What the interface's comment says of the characters, whose format may not be known.
 ///
 /// # Errors
 /// They do not fit into this form.
-pub fn note(record: &Record<'_>) -> io::Result<String> {
-    let format = record.wire.format();
-    if format.data_bits() > 8 {
-        let what = format!(
-            "{} has {} data bits a character, and serial pcapng holds eight: write CSV or JSON",
-            record.bus.name,
-            format.data_bits()
-        );
-        return Err(io::Error::new(io::ErrorKind::Unsupported, what));
+pub fn note(bus: &BusInfo, parity: ParityMarks, format: Option<Format>) -> io::Result<String> {
+    let mut note = format!(" parity={}", parity.name());
+    if let Some(format) = format {
+        if format.data_bits() > 8 {
+            return Err(unsupported(format!(
+                "{} has {} data bits a character, and serial pcapng holds eight: write CSV or JSON",
+                bus.name,
+                format.data_bits()
+            )));
+        }
+        note.push_str(&format!(" format={format}"));
     }
-    let parity = match record.characters().first().map(Character::parity) {
-        Some(Parity::None) => ParityMarks::None.name(),
-        _ => record.bus.parity.name(),
-    };
-    Ok(format!(" parity={parity} format={format}"))
+    Ok(note)
 }
 
 /// Checks that the interface can tell what these characters say, once it told what is known of
@@ -57,29 +55,37 @@ pub fn check(characters: &[Character], bus: &BusInfo) -> io::Result<()> {
     }
     let what = "parity is known of some characters and not of others, which serial pcapng cannot \
                 hold: write chars, CSV or JSON";
-    Err(io::Error::new(io::ErrorKind::Unsupported, what))
+    Err(unsupported(what.to_owned()))
 }
 
 /// The bytes of a block with a run of characters.
-pub fn compose(run: &[Character], data: &mut Vec<u8>) {
-    let Some(first) = run.first() else { return };
+///
+/// # Errors
+/// Its time does not fit into this form.
+pub fn compose(run: &[Character], data: &mut Vec<u8>) -> io::Result<()> {
+    let Some(first) = run.first() else { return Ok(()) };
     let event = match (first.has_framing_error(), first.parity()) {
         (true, _) => FRAMING_ERROR,
         (false, Parity::Error | Parity::Suspect) => PARITY_ERROR,
         (false, _) => DATA,
     };
-    compose_event(first.start, event, data);
+    compose_event(first.start, event, data)?;
     data.extend(run.iter().map(Character::byte));
+    Ok(())
 }
 
 /// The bytes of a block without characters.
-pub fn compose_event(start: Moment, event: u8, data: &mut Vec<u8>) {
-    let stamp = duration(start);
+///
+/// # Errors
+/// Its time does not fit into this form.
+pub fn compose_event(start: Moment, event: u8, data: &mut Vec<u8>) -> io::Result<()> {
+    let stamp = duration(start)?;
     let seconds = u32::try_from(stamp.as_secs()).unwrap_or(u32::MAX);
     data.clear();
     data.extend_from_slice(&seconds.to_be_bytes());
     data.extend_from_slice(&stamp.subsec_micros().to_be_bytes());
     data.extend_from_slice(&[event, 0, 0, 0]);
+    Ok(())
 }
 
 /// The event that tells of a loss.
@@ -90,24 +96,26 @@ pub const fn event_of(cause: LossCause) -> u8 {
     }
 }
 
-/// Characters divided into the runs that a block each can hold.
-pub fn runs(mut rest: &[Character], wire: Wire) -> impl Iterator<Item = &[Character]> {
+/// Characters divided into the runs that a block each can hold. A start may be off by `off_by` ns
+/// from the time that a reader of the block gives it, by the stamp's ± and by half a bit: the least of
+/// these counts.
+pub fn runs(mut rest: &[Character], wire: Wire, off_by: i64) -> impl Iterator<Item = &[Character]> {
     std::iter::from_fn(move || {
-        let (run, behind) = rest.split_at(length_of_run(rest, wire));
+        let (run, behind) = rest.split_at(length_of_run(rest, wire, off_by));
         rest = behind;
         (!run.is_empty()).then_some(run)
     })
 }
 
 /// How many characters from the first on can be told by one stamp: good ones that follow each
-/// other at the frame's length, within the stamp's ± and half a bit.
-fn length_of_run(characters: &[Character], wire: Wire) -> usize {
+/// other at the frame's length.
+fn length_of_run(characters: &[Character], wire: Wire, off_by: i64) -> usize {
     let [first, others @ ..] = characters else { return 0 };
     let is_plain =
         |character: &Character| !character.is_damaged() && character.parity() != Parity::Suspect;
     let (Some(baud), true) = (wire.baud(), is_plain(first)) else { return 1 };
     let half_bit = baud.bits_ns(1).cast_signed() / 2;
-    let off_by = i64::from(first.uncertainty).min(half_bit);
+    let off_by = i64::from(first.uncertainty).min(half_bit).min(off_by);
     let follows = |(index, character): &(u32, &Character)| {
         let rebuilt = baud.bits_ns(wire.format().bits() * (index + 1)).cast_signed();
         let start = character.start.since(first.start);

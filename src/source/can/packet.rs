@@ -161,6 +161,10 @@ impl Tap {
             Some(u64::MAX) => lose(None, out),
             count => lose(count, out),
         }
+        if packet.bytes.is_empty() && packet.lost_before.is_some_and(|count| count > 0) {
+            // Nothing but the loss: no frame followed it.
+            return None;
+        }
         let (bytes, cooking) = cooking(packet.bytes, self.form).ok()?;
         let Ok((data, header)) = header(bytes, self.id_order()) else {
             lose(Some(1), out);

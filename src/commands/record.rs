@@ -1,0 +1,268 @@
+//! `record`: write what a tap hears to disk, for days.
+
+use crate::cli::Decoding;
+use crate::clock::Clock;
+use crate::decode::{FAILED, INTERRUPTED, USAGE, settings, source_options};
+use crate::interrupt;
+use crate::record::{
+    Files, RecordError, Recorder, Ring, Summary, Surroundings, Trigger, Watch, WriteError, span,
+    undecoded,
+};
+use crate::say;
+use crate::source::{self, Piece, Source, SourceError, SourceOptions};
+use clap::Args;
+use dissectors::protocol::Settings;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How often it is looked after what waits.
+const TURN: Duration = Duration::from_millis(100);
+
+/// How often the user is told how it goes.
+const TOLD_EACH: Duration = Duration::from_secs(60);
+
+/// What to record, and where.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// A live tap, such as serial:/dev/ttyUSB0 or can:can0; or captures: files, or - for standard
+    /// input.
+    #[arg(value_name = "SOURCE", required = true)]
+    sources: Vec<String>,
+
+    /// The directory for the recorded files, which is made if it is not there.
+    #[arg(short = 'w', long = "write", value_name = "DIR", help_heading = "Recording")]
+    directory: PathBuf,
+
+    /// When one file ends and the next begins, and how many are kept: files=10,size=100MB or
+    /// files=24,duration=1h. The oldest is deleted. Default: one file.
+    #[arg(long, value_name = "RING", help_heading = "Recording")]
+    ring: Option<Ring>,
+
+    /// Keep only what surrounds such an event: a finding's code, or error or warning (repeatable).
+    #[arg(long = "trigger", value_name = "CODE", help_heading = "Recording")]
+    triggers: Vec<Trigger>,
+
+    /// With --trigger: how much before an event is kept.
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, requires = "triggers", help_heading = "Recording")]
+    before: i64,
+
+    /// With --trigger: how much after an event is kept.
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, requires = "triggers", help_heading = "Recording")]
+    after: i64,
+
+    #[command(flatten)]
+    decoding: Decoding,
+}
+
+/// Records.
+pub fn run(arguments: &Arguments) -> ExitCode {
+    if let Some(wrong) = misuse(arguments) {
+        say!("fieldtap: {wrong}");
+        return ExitCode::from(USAGE);
+    }
+    let settings = match settings(&arguments.decoding) {
+        Ok(settings) => settings,
+        Err(error) => {
+            say!("fieldtap: {error:#}");
+            return ExitCode::from(USAGE);
+        }
+    };
+    // A second signal does not wait for a good end.
+    interrupt::catch(INTERRUPTED);
+    interrupt::outlive_limits();
+    match begin(arguments, settings) {
+        Ok(recorder) => Recording::new(recorder, arguments.decoding.quiet).run(arguments),
+        Err(error) => {
+            say_error(&error);
+            ExitCode::from(FAILED)
+        }
+    }
+}
+
+/// What cannot be meant.
+fn misuse(arguments: &Arguments) -> Option<&'static str> {
+    let Arguments { decoding, sources, triggers, ring, .. } = arguments;
+    let chooses = decoding.from.is_some() || decoding.to.is_some() || decoding.count.is_some();
+    let is_tap = |name: &String| source::live::is_tap(name);
+    if chooses || decoding.fail_on.is_some() {
+        Some("a recording keeps everything: --from, --to, --count and --fail-on are for `read`")
+    } else if sources.len() > 1 && sources.iter().any(is_tap) {
+        Some("a recording listens to one live tap: start another one for the other")
+    } else if ring.is_some_and(|ring| !ring.ends_files()) && triggers.is_empty() {
+        Some("without size or duration no file of the ring ever ends: --ring files=10,size=100MB")
+    } else {
+        None
+    }
+}
+
+fn begin(arguments: &Arguments, settings: Settings) -> Result<Recorder, RecordError> {
+    let Arguments { decoding, directory, ring, triggers, before, after, sources } = arguments;
+    let files = Files::new(directory, ring.unwrap_or_default())?;
+    let is_live = sources.iter().any(|name| source::live::is_tap(name));
+    let events = (!triggers.is_empty()).then(|| {
+        let watch = Watch::begin(triggers.clone(), settings, Clock::new(decoding.time), is_live);
+        (watch, Surroundings { before: *before, after: *after })
+    });
+    Recorder::new(&source_options(decoding), files, events)
+}
+
+fn say_error(error: &RecordError) {
+    match error {
+        RecordError::Write(WriteError { path, cause }) => say!(
+            "fieldtap: {}: cannot be written ({cause}): the recording ends here, what came before \
+             is whole",
+            path.display()
+        ),
+        RecordError::Unfit(cause) => say!("fieldtap: this cannot be recorded: {cause}"),
+    }
+}
+
+/// What ended a recording before its time.
+enum Ended {
+    Source(SourceError),
+    Recorder(RecordError),
+}
+
+/// A recording that is going on.
+struct Recording {
+    recorder: Mutex<Recorder>,
+    /// What ended it from behind.
+    failure: Mutex<Option<RecordError>>,
+    is_over: AtomicBool,
+    begin: Instant,
+    is_quiet: bool,
+}
+
+impl Recording {
+    fn new(recorder: Recorder, is_quiet: bool) -> Self {
+        Recording {
+            recorder: Mutex::new(recorder),
+            failure: Mutex::new(None),
+            is_over: AtomicBool::new(false),
+            begin: Instant::now(),
+            is_quiet,
+        }
+    }
+
+    fn recorder(&self) -> MutexGuard<'_, Recorder> {
+        // Whoever panicked has said so; what was recorded is to be finished.
+        self.recorder.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn failure(&self) -> MutexGuard<'_, Option<RecordError>> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn run(self, arguments: &Arguments) -> ExitCode {
+        let options = source_options(&arguments.decoding);
+        let (source_error, failed) = thread::scope(|scope| {
+            scope.spawn(|| self.look_after());
+            let ended = self.record(&arguments.sources, &options);
+            self.is_over.store(true, Ordering::Relaxed);
+            ended
+        });
+        let failed = failed.or_else(|| self.failure().take());
+        self.report(source_error, failed)
+    }
+
+    /// Passes everything that is heard on to the recorder.
+    fn record(
+        &self,
+        sources: &[String],
+        options: &SourceOptions,
+    ) -> (Option<SourceError>, Option<RecordError>) {
+        for (number, name) in sources.iter().enumerate() {
+            if number > 0 {
+                self.recorder().begin_source();
+            }
+            let mut source = match source::open(name, options) {
+                Ok(source) => source,
+                Err(error) => return (Some(error), None),
+            };
+            let goes_on = || !interrupt::came() && self.failure().is_none();
+            let mut passed = self.pass(&mut *source, goes_on);
+            if passed.is_ok() && self.failure().is_none() && source.stop() {
+                // What was heard already, and the tap's last words.
+                passed = self.pass(&mut *source, || self.failure().is_none());
+            }
+            match passed {
+                Ok(()) => {}
+                // What an interruption cuts is not the source's fault.
+                Err(Ended::Source(error)) => {
+                    return (Some(error).filter(|_| !interrupt::came()), None);
+                }
+                Err(Ended::Recorder(error)) => return (None, Some(error)),
+            }
+        }
+        (None, None)
+    }
+
+    /// Passes what a source says on to the recorder, to its end or for as long as this goes on.
+    fn pass(&self, source: &mut dyn Source, goes_on: impl Fn() -> bool) -> Result<(), Ended> {
+        while goes_on() {
+            let Some(piece) = source.next_piece().map_err(Ended::Source)? else { break };
+            match &piece {
+                Piece::Warning(warning) if !self.is_quiet => say!("fieldtap: warning: {warning}"),
+                Piece::Note(line) if !self.is_quiet => say!("{line}"),
+                _ => {}
+            }
+            self.recorder().take(&piece).map_err(Ended::Recorder)?;
+        }
+        Ok(())
+    }
+
+    /// Sees to it that nothing waits, not even the user.
+    fn look_after(&self) {
+        let mut told = Instant::now();
+        while !self.is_over.load(Ordering::Relaxed) {
+            thread::sleep(TURN);
+            if let Err(error) = self.recorder().attend() {
+                *self.failure() = Some(error);
+                return;
+            }
+            if told.elapsed() >= TOLD_EACH && !self.is_quiet {
+                told = Instant::now();
+                say!("{}", self.summary());
+            }
+        }
+    }
+
+    fn summary(&self) -> Summary {
+        let lasted = i64::try_from(self.begin.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        Summary::of(&self.recorder(), lasted)
+    }
+
+    /// Ends the files well, and says what it came to.
+    fn report(
+        self,
+        source_error: Option<SourceError>,
+        mut failed: Option<RecordError>,
+    ) -> ExitCode {
+        let finished = self.recorder().finish();
+        let watcher = finished.unwrap_or_else(|error| {
+            failed.get_or_insert(error);
+            None
+        });
+        let has_failed = failed.is_some() || source_error.is_some();
+        failed.iter().for_each(say_error);
+        if let Some(error) = source_error {
+            say!("fieldtap: {error}");
+        }
+        if !self.is_quiet {
+            if self.recorder().is_short() {
+                say!("fieldtap: warning: --before asks for more than is held in memory (64 MiB)");
+            }
+            say!("{}", self.summary());
+            let decoded = watcher.and_then(|watcher| watcher.verdict(has_failed));
+            let verdict = decoded.unwrap_or_else(|| undecoded(&self.recorder()));
+            for (heading, text) in verdict.lines() {
+                say!("{heading:<6} {text}");
+            }
+        }
+        ExitCode::from(if has_failed { FAILED } else { 0 })
+    }
+}

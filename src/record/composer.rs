@@ -1,0 +1,404 @@
+//! What a source says, as blocks of pcapng: characters and frames as they were heard, undecoded.
+//!
+//! A block ends where a read ended, and where a start differs from the time that a reader gives it:
+//! what is read back is what was heard, to the nanosecond.
+
+use crate::export::pcapng::{
+    BlockWriter, Carries, Extras, Interface, check, clock_of, runs, unsupported,
+};
+use crate::source::SourceOptions;
+use dissectors::bus::{LineCounts, WireFacts};
+use dissectors::can::{Frame, FrameKind};
+use dissectors::event::{Break, Event, Loss, LossCause, Moment};
+use dissectors::protocol::Medium;
+use dissectors::record::BusInfo;
+use dissectors::uart::{Baud, Character, Format, Wire};
+use std::io;
+use std::ops::Range;
+
+/// Longest time in one chunk, in ns.
+const LONGEST_CHUNK: i64 = 100_000_000;
+
+/// Interfaces that a bus gets because the ± of its stamps differs. Beyond that, a ± is rounded up to
+/// a power of two.
+const EXACT_INTERFACES: usize = 16;
+
+/// Blocks that were composed together.
+#[derive(Clone, Debug)]
+pub struct Chunk {
+    /// When the first began.
+    pub from: Moment,
+    /// When the last began.
+    pub to: Moment,
+    /// Where their bytes are among those composed.
+    pub bytes: Range<usize>,
+}
+
+/// What was composed and is not kept yet.
+#[derive(Default)]
+pub struct Composed {
+    /// The chunks, in order.
+    pub chunks: Vec<Chunk>,
+    bytes: Vec<u8>,
+}
+
+impl Composed {
+    /// The bytes of a chunk.
+    pub fn bytes(&self, chunk: &Chunk) -> &[u8] {
+        &self.bytes[chunk.bytes.clone()]
+    }
+}
+
+/// One bus that is recorded.
+pub struct Bus {
+    /// Name and clock.
+    pub info: BusInfo,
+    /// What was heard on it.
+    pub counts: LineCounts,
+    /// Characters or frames that were lost, as far as they were counted: in the capture, and at the
+    /// receiver.
+    pub lost: [u64; 2],
+    facts: WireFacts,
+    medium: Option<Medium>,
+    /// ± of stamps, and the number of the interface for these.
+    interfaces: Vec<(u32, u32)>,
+    /// Frames lost just now: told with the next frame if it is of the same time.
+    pending: Option<Loss>,
+    comments: Vec<String>,
+    /// When the last block began.
+    last: Moment,
+    /// Up to here it was listened to.
+    reach: Moment,
+    /// The source said up to when it listened.
+    is_reach_told: bool,
+}
+
+/// Composes blocks.
+pub struct Composer {
+    writer: BlockWriter<Vec<u8>>,
+    /// The section's header, and what describes each interface: what a file must have before the
+    /// blocks that need it.
+    heads: Vec<Vec<u8>>,
+    chunks: Vec<Chunk>,
+    buses: Vec<Bus>,
+    /// The bus of each number of the source.
+    numbers: Vec<usize>,
+    /// What the user says about serial lines, where the source does not.
+    user: (Option<Baud>, Option<Format>),
+}
+
+impl Composer {
+    /// Nothing was heard yet. What the user says about the source counts where it does not tell.
+    ///
+    /// # Errors
+    /// Never: what is written stays in memory.
+    pub fn new(options: &SourceOptions) -> io::Result<Self> {
+        let mut writer = BlockWriter::new(Vec::new())?;
+        let heads = vec![std::mem::take(writer.out())];
+        let user = (options.baud, options.frame);
+        let (buses, numbers, chunks) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Composer { writer, heads, chunks, buses, numbers, user })
+    }
+
+    /// Another source begins. Buses of the same name go on.
+    pub fn begin_source(&mut self) {
+        self.numbers.clear();
+    }
+
+    /// The buses that appeared so far.
+    pub fn buses(&self) -> &[Bus] {
+        &self.buses
+    }
+
+    /// A bus appears.
+    pub fn bus(&mut self, info: BusInfo, mut facts: WireFacts) {
+        if facts.medium != Some(Medium::Can) {
+            facts.baud = facts.baud.or(self.user.0);
+            facts.format = facts.format.or(self.user.1);
+        }
+        let is_it =
+            |(index, bus): &(usize, &Bus)| bus.info == info && !self.numbers.contains(index);
+        let known = self.buses.iter().enumerate().find(is_it).map(|(index, _)| index);
+        self.numbers.push(known.unwrap_or(self.buses.len()));
+        if known.is_none() {
+            self.buses.push(Bus::new(info, facts));
+        }
+    }
+
+    /// Somebody commented on what is heard next.
+    pub fn comment(&mut self, bus: usize, text: &str) {
+        self.buses[self.numbers[bus]].comments.push(text.to_owned());
+    }
+
+    /// Nothing comes after this time.
+    pub fn end(&mut self, bus: usize, at: Moment) {
+        let bus = &mut self.buses[self.numbers[bus]];
+        bus.reach(at);
+        bus.is_reach_told |= at.is_known();
+    }
+
+    /// Up to here all buses were listened to, at the latest.
+    pub fn reach(&self) -> Moment {
+        let latest = self.buses.iter().filter_map(|bus| bus.reach.ns()).max();
+        latest.map_or(Moment::UNKNOWN, Moment::from_ns)
+    }
+
+    /// Takes what was heard. Its blocks are among the chunks from then on.
+    ///
+    /// # Errors
+    /// There is no room for it in pcapng.
+    pub fn hear(&mut self, bus: usize, event: Event<'_>) -> io::Result<()> {
+        let bus = self.numbers[bus];
+        match event {
+            Event::Characters(characters) => self.characters(bus, characters),
+            Event::Frames(frames) => self.frames(bus, frames),
+            Event::Break(event) => self.line_break(bus, event),
+            Event::Lost(loss) => self.lost(bus, loss),
+            Event::Advance(until) => {
+                self.settle(bus)?;
+                let bus = &mut self.buses[bus];
+                bus.reach(until);
+                bus.is_reach_told |= until.is_known();
+                Ok(())
+            }
+            Event::Levels(_) => Err(unsupported(
+                "line levels are not recorded, for only what was decoded could be: let the \
+                 analyzer's own program save them (sigrok-cli -o bus.sr)"
+                    .to_owned(),
+            )),
+            Event::Rows(_) => Err(unsupported(
+                "rows of words are not recorded: they are in the log already".to_owned(),
+            )),
+        }
+    }
+
+    fn characters(&mut self, index: usize, characters: &[Character]) -> io::Result<()> {
+        check(characters, &self.buses[index].info)?;
+        let wire = self.buses[index].wire();
+        for alike in characters.chunk_by(|a, b| a.uncertainty == b.uncertainty) {
+            let interface = self.interface(index, Medium::Serial, alike[0].uncertainty)?;
+            for run in runs(alike, wire, 0) {
+                let (from, to) = (run[0].start, run[run.len() - 1].start);
+                let extras = Extras::comments(self.comments(index));
+                let begin = self.writer.out().len();
+                self.writer.characters(interface, run, extras)?;
+                self.composed(index, begin, from, to);
+            }
+        }
+        let bus = &mut self.buses[index];
+        bus.counts.characters += characters.len() as u64;
+        let damaged = characters.iter().filter(|character| character.is_damaged());
+        bus.counts.damaged += damaged.count() as u64;
+        Ok(())
+    }
+
+    fn frames(&mut self, index: usize, frames: &[Frame]) -> io::Result<()> {
+        for frame in frames {
+            let interface = self.interface(index, Medium::Can, frame.uncertainty)?;
+            let is_its = |loss: &mut Loss| loss.start == frame.start;
+            let lost = self.buses[index].pending.take_if(is_its);
+            if lost.is_none() {
+                self.settle(index)?;
+            }
+            let lost = lost.map(|loss| loss.count.unwrap_or(u64::MAX));
+            let extras = Extras { comments: self.comments(index), lost };
+            let begin = self.writer.out().len();
+            self.writer.frame(interface, frame, extras)?;
+            self.composed(index, begin, frame.start, frame.start);
+            let bus = &mut self.buses[index];
+            bus.counts.frames += 1;
+            bus.counts.error_frames += u64::from(frame.kind == FrameKind::Error);
+        }
+        Ok(())
+    }
+
+    fn line_break(&mut self, index: usize, event: Break) -> io::Result<()> {
+        let interface = self.interface(index, Medium::Serial, event.uncertainty)?;
+        let extras = Extras::comments(self.comments(index));
+        let begin = self.writer.out().len();
+        self.writer.line_break(interface, event, extras)?;
+        self.composed(index, begin, event.start, event.start);
+        self.buses[index].counts.breaks += 1;
+        Ok(())
+    }
+
+    fn lost(&mut self, index: usize, loss: Loss) -> io::Result<()> {
+        let bus = &mut self.buses[index];
+        bus.counts.losses += 1;
+        let place = match loss.cause {
+            LossCause::Capture => 0,
+            LossCause::Overrun => 1,
+        };
+        bus.lost[place] = bus.lost[place].saturating_add(loss.count.unwrap_or(0));
+        // What was lost has no time of its own where the source does not tell.
+        let start = if loss.start.is_known() { loss.start } else { bus.last };
+        let loss = Loss { start, ..loss };
+        if bus.medium == Some(Medium::Can) {
+            self.settle(index)?;
+            self.buses[index].pending = Some(loss);
+            return Ok(());
+        }
+        let interface = self.some_interface(index)?;
+        let comments = self.comments(index);
+        let begin = self.writer.out().len();
+        self.writer.lost_characters(interface, loss, comments)?;
+        self.composed(index, begin, loss.start, loss.start);
+        Ok(())
+    }
+
+    /// Writes what still waits for a frame that does not come.
+    fn settle(&mut self, index: usize) -> io::Result<()> {
+        let Some(loss) = self.buses[index].pending.take() else { return Ok(()) };
+        let interface = self.some_interface(index)?;
+        let comments = self.comments(index);
+        let begin = self.writer.out().len();
+        self.writer.lost_frames(interface, loss, comments)?;
+        self.composed(index, begin, loss.start, loss.start);
+        Ok(())
+    }
+
+    /// The same on every bus.
+    ///
+    /// # Errors
+    /// There is no room for it in pcapng.
+    pub fn settle_all(&mut self) -> io::Result<()> {
+        (0..self.buses.len()).try_for_each(|bus| self.settle(bus))
+    }
+
+    fn comments(&mut self, index: usize) -> Vec<String> {
+        std::mem::take(&mut self.buses[index].comments)
+    }
+
+    /// An interface of a bus where the ± does not matter.
+    fn some_interface(&mut self, index: usize) -> io::Result<u32> {
+        let bus = &self.buses[index];
+        match bus.interfaces.last() {
+            Some((_, number)) => Ok(*number),
+            None => self.interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
+        }
+    }
+
+    /// The interface of a bus for stamps of this ±, which is described if it is new.
+    fn interface(&mut self, index: usize, medium: Medium, uncertainty: u32) -> io::Result<u32> {
+        let bus = &mut self.buses[index];
+        let uncertainty = match bus.interfaces.len() < EXACT_INTERFACES {
+            true => uncertainty,
+            false => uncertainty.checked_next_power_of_two().unwrap_or(u32::MAX),
+        };
+        let known = bus.interfaces.iter().find(|(known, _)| *known == uncertainty);
+        if let Some((_, number)) = known {
+            return Ok(*number);
+        }
+        bus.medium = bus.medium.or(Some(medium));
+        let clock = clock_of(&bus.info, medium)?;
+        let WireFacts { baud, format, spacing_is_assumed, .. } = bus.facts;
+        let carries = match medium {
+            Medium::Can => Carries::Frames,
+            _ => Carries::Characters {
+                parity: bus.info.parity,
+                format,
+                // Without a rate every character is a block.
+                has_all_stamps: baud.is_none() && !spacing_is_assumed,
+            },
+        };
+        let begin = self.writer.out().len();
+        let described = Interface { bus: &bus.info, clock, uncertainty, baud, carries };
+        let number = self.writer.interface(&described)?;
+        bus.interfaces.push((uncertainty, number));
+        self.heads.push(self.writer.out().split_off(begin));
+        Ok(number)
+    }
+
+    /// A block was composed whose bytes begin at `begin`.
+    fn composed(&mut self, index: usize, begin: usize, from: Moment, to: Moment) {
+        let end = self.writer.out().len();
+        let bus = &mut self.buses[index];
+        bus.reach(to);
+        bus.last = to;
+        match self.chunks.last_mut() {
+            Some(chunk)
+                if to.since(chunk.from).is_some_and(|span| (0..LONGEST_CHUNK).contains(&span)) =>
+            {
+                chunk.bytes.end = end;
+                chunk.to = if to.is_after(chunk.to) { to } else { chunk.to };
+            }
+            _ => self.chunks.push(Chunk { from, to, bytes: begin..end }),
+        }
+    }
+
+    /// What was composed. To be given back.
+    pub fn take_composed(&mut self) -> Composed {
+        Composed {
+            chunks: std::mem::take(&mut self.chunks),
+            bytes: std::mem::take(self.writer.out()),
+        }
+    }
+
+    /// Takes back what was composed, for its memory.
+    pub fn give_back(&mut self, mut composed: Composed) {
+        composed.chunks.clear();
+        composed.bytes.clear();
+        self.chunks = composed.chunks;
+        *self.writer.out() = composed.bytes;
+    }
+
+    /// The blocks that a file ends with, in which nothing is after `limit`: when each bus was last
+    /// listened to. To be asked for where nothing is composed.
+    pub fn ends(&mut self, limit: Option<Moment>) -> Vec<u8> {
+        self.heads_and_ends().1(limit.unwrap_or(Moment::from_ns(i64::MAX)))
+    }
+
+    /// What a file must begin with (the section's header, then the interfaces in order), and what
+    /// makes the blocks it ends with.
+    pub fn heads_and_ends(&mut self) -> (&[Vec<u8>], impl FnMut(Moment) -> Vec<u8>) {
+        let Composer { heads, buses, writer, .. } = self;
+        let ends = |limit: Moment| {
+            for bus in buses.iter_mut() {
+                let Some((_, interface)) = bus.interfaces.first() else { continue };
+                let is_limited = bus.reach.is_after(limit);
+                let end = if is_limited { limit } else { bus.reach };
+                // What the source does not tell is not known to whoever reads the file either.
+                let told = (is_limited || bus.is_reach_told).then_some(end);
+                let comments = std::mem::take(&mut bus.comments);
+                // Times that have no room were refused when their blocks were composed.
+                let _ = writer.end(*interface, end, told, Extras::comments(comments));
+            }
+            std::mem::take(writer.out())
+        };
+        (heads, ends)
+    }
+}
+
+impl Bus {
+    fn new(info: BusInfo, facts: WireFacts) -> Self {
+        Bus {
+            info,
+            counts: LineCounts::default(),
+            lost: [0; 2],
+            medium: facts.medium,
+            facts,
+            interfaces: Vec::new(),
+            pending: None,
+            comments: Vec::new(),
+            last: Moment::UNKNOWN,
+            reach: Moment::UNKNOWN,
+            is_reach_told: false,
+        }
+    }
+
+    /// Rate and format, as far as the source or the user tell.
+    pub fn wire(&self) -> Wire {
+        Wire::new(self.facts.baud, self.facts.format.unwrap_or(Format::FT12))
+    }
+
+    /// Whether it carries frames.
+    pub fn is_can(&self) -> bool {
+        self.medium == Some(Medium::Can)
+    }
+
+    fn reach(&mut self, to: Moment) {
+        if to.is_known() && !self.reach.is_after(to) {
+            self.reach = to;
+        }
+    }
+}

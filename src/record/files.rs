@@ -1,0 +1,324 @@
+//! The files of a recording: one after the other, each of whole blocks.
+//!
+//! What is written reaches the system at least each half second, so that a program that is killed
+//! loses no more. A full disk ends the recording, and what was written stays readable.
+
+use super::names::Names;
+use super::ring::Ring;
+use dissectors::event::Moment;
+use std::collections::VecDeque;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Bytes that wait to be written at most.
+const BUFFERED: usize = 64 * 1024;
+
+/// How long they wait at most.
+const LONGEST_WAIT: Duration = Duration::from_millis(500);
+
+/// Files in a directory.
+pub struct Files {
+    directory: PathBuf,
+    ring: Ring,
+    number: u32,
+    /// Those that are whole and were not deleted.
+    kept: VecDeque<PathBuf>,
+    open: Option<Open>,
+    /// Something could not be written: nothing more is.
+    is_broken: bool,
+    /// Files that were finished, deleted ones included.
+    pub finished: u64,
+    /// Bytes that were written, those of deleted files included.
+    pub bytes: u64,
+}
+
+/// The file that is being written.
+struct Open {
+    names: Names,
+    file: File,
+    buffer: Vec<u8>,
+    /// Bytes in the file.
+    written: u64,
+    /// When the first byte of the buffer came.
+    waiting_since: Option<Instant>,
+    /// When its first block began.
+    begin: Moment,
+    /// How many heads it has.
+    heads: usize,
+}
+
+/// What could not be written, and where.
+#[derive(Debug)]
+pub struct WriteError {
+    /// The file, or the directory.
+    pub path: PathBuf,
+    /// Why.
+    pub cause: io::Error,
+}
+
+impl Files {
+    /// Files of a recording in this directory, which is made if it is not there.
+    ///
+    /// # Errors
+    /// It cannot be made, or nothing can be written in it.
+    pub fn new(directory: &Path, ring: Ring) -> Result<Files, WriteError> {
+        let failed = |cause| WriteError { path: directory.to_owned(), cause };
+        fs::create_dir_all(directory).map_err(failed)?;
+        // Better now than when the first event comes.
+        tempfile::tempfile_in(directory).map_err(failed)?;
+        Ok(Files {
+            directory: directory.to_owned(),
+            ring,
+            number: 0,
+            kept: VecDeque::new(),
+            open: None,
+            is_broken: false,
+            finished: 0,
+            bytes: 0,
+        })
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// Whether one is being written.
+    pub fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Whether the file that is being written is to end, as the ring wants it, before so many bytes
+    /// that were heard at this time; or at this time, where there are none.
+    pub fn is_full_for(&self, from: Moment, bytes: usize) -> bool {
+        let Some(open) = &self.open else { return false };
+        let length = open.length() + bytes as u64;
+        let covered = from.since(open.begin).unwrap_or(0);
+        self.ring.size.is_some_and(|size| length > size)
+            || self.ring.duration.is_some_and(|duration| covered >= duration)
+    }
+
+    /// Writes blocks that begin at `from`, in a new file where none is open, behind the heads that
+    /// they need. Once something could not be written, nothing more is.
+    ///
+    /// # Errors
+    /// It cannot be written. The file ends with the last whole block.
+    pub fn write(
+        &mut self,
+        from: Moment,
+        bytes: &[u8],
+        heads: &[Vec<u8>],
+    ) -> Result<(), WriteError> {
+        if self.is_broken {
+            return Ok(());
+        }
+        if self.open.is_none() {
+            self.begin(from)?;
+        }
+        let Some(open) = &mut self.open else { return Ok(()) };
+        let before = open.length();
+        for head in heads.iter().skip(open.heads) {
+            open.buffer.extend_from_slice(head);
+        }
+        open.heads = heads.len();
+        open.buffer.extend_from_slice(bytes);
+        open.waiting_since.get_or_insert_with(Instant::now);
+        self.bytes += open.length() - before;
+        if open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
+    }
+
+    /// Writes what has waited long enough.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn attend(&mut self) -> Result<(), WriteError> {
+        let since = self.open.as_ref().and_then(|open| open.waiting_since);
+        match since {
+            Some(since) if since.elapsed() >= LONGEST_WAIT => self.flush(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Ends the file that is being written with these blocks, and gives it its name.
+    ///
+    /// # Errors
+    /// It cannot be written, or renamed.
+    pub fn finish(&mut self, ends: &[u8]) -> Result<(), WriteError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        open.buffer.extend_from_slice(ends);
+        self.bytes += ends.len() as u64;
+        self.flush()?;
+        self.name_it()
+    }
+
+    fn begin(&mut self, begin: Moment) -> Result<(), WriteError> {
+        let names = loop {
+            self.number = self.number.saturating_add(1);
+            let names = Names::new(&self.directory, begin, self.number);
+            // Another recording in the same second.
+            if names.are_free() || self.number == u32::MAX {
+                break names;
+            }
+        };
+        let file = OpenOptions::new().write(true).create_new(true).open(&names.part);
+        let file = file.map_err(|cause| {
+            self.is_broken = true;
+            WriteError { path: names.part.clone(), cause }
+        })?;
+        let buffer = Vec::with_capacity(2 * BUFFERED);
+        let (written, waiting_since, heads) = (0, None, 0);
+        self.open = Some(Open { names, file, buffer, written, waiting_since, begin, heads });
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), WriteError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        let Err(cause) = open.flush() else { return Ok(()) };
+        self.is_broken = true;
+        let path = open.names.part.clone();
+        // What is whole is worth its name, and no more will come. That it cannot be renamed either
+        // leaves it where it is, to be read all the same.
+        let _ = self.name_it();
+        Err(WriteError { path, cause })
+    }
+
+    fn name_it(&mut self) -> Result<(), WriteError> {
+        let Some(Open { names, file, .. }) = self.open.take() else { return Ok(()) };
+        drop(file);
+        fs::rename(&names.part, &names.whole)
+            .map_err(|cause| WriteError { path: names.part, cause })?;
+        self.finished += 1;
+        self.kept.push_back(names.whole);
+        while self.ring.files.is_some_and(|most| self.kept.len() > most as usize) {
+            let Some(oldest) = self.kept.pop_front() else { break };
+            match fs::remove_file(&oldest) {
+                // The user was faster.
+                Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
+                    return Err(WriteError { path: oldest, cause });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Open {
+    fn length(&self) -> u64 {
+        self.written + self.buffer.len() as u64
+    }
+
+    /// Writes the buffer. Where not all of it has room, whole blocks stay.
+    fn flush(&mut self) -> io::Result<()> {
+        self.waiting_since = None;
+        let mut done = 0;
+        while done < self.buffer.len() {
+            match self.file.write(&self.buffer[done..]) {
+                Ok(0) => return self.cut(done, io::ErrorKind::WriteZero.into()),
+                Ok(count) => done += count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return self.cut(done, error),
+            }
+        }
+        self.written += done as u64;
+        self.buffer.clear();
+        Ok(())
+    }
+
+    fn cut(&mut self, done: usize, error: io::Error) -> io::Result<()> {
+        self.written += whole_blocks(&self.buffer, done) as u64;
+        self.buffer.clear();
+        // Where even this fails, the file ends inside a block, and readers say so.
+        let _ = self.file.set_len(self.written);
+        Err(error)
+    }
+}
+
+/// How many of the first `done` bytes are blocks that are whole.
+fn whole_blocks(blocks: &[u8], done: usize) -> usize {
+    let mut whole = 0;
+    // Type and length, both little-endian.
+    while let Some(&[_, _, _, _, a, b, c, d]) = blocks[whole..].first_chunk::<8>() {
+        let end = whole + u32::from_le_bytes([a, b, c, d]) as usize;
+        if end > done || end == whole {
+            break;
+        }
+        whole = end;
+    }
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_no_room_ends_with_a_whole_block() {
+        // Blocks of 12 and 16 bytes: type, length, body, length.
+        let block = |length: u32| {
+            let mut bytes = vec![6, 0, 0, 0];
+            bytes.extend(length.to_le_bytes());
+            bytes.resize(length as usize - 4, 0);
+            bytes.extend(length.to_le_bytes());
+            bytes
+        };
+        let blocks = [block(12), block(16)].concat();
+        let cuts = [0, 11, 12, 27, 28].map(|done| whole_blocks(&blocks, done));
+        assert_eq!(cuts, [0, 0, 12, 12, 28]);
+    }
+
+    fn at(second: i64) -> Moment {
+        Moment::from_ns(second * 1_000_000_000)
+    }
+
+    fn write(files: &mut Files, second: i64) {
+        if files.is_full_for(at(second), 1_000) {
+            files.finish(&[]).unwrap();
+        }
+        files.write(at(second), &[0; 1_000], &[vec![1; 500]]).unwrap();
+    }
+
+    #[test]
+    fn a_ring_ends_files_by_size_and_deletes_the_oldest() {
+        let directory = tempfile::tempdir().unwrap();
+        let ring = "files=2,size=4k".parse().unwrap();
+        let mut files = Files::new(directory.path(), ring).unwrap();
+        // 500 + 3 x 1000 bytes fit into 4000.
+        (0..10).for_each(|second| write(&mut files, second));
+        files.finish(&[]).unwrap();
+        assert_eq!((files.finished, files.bytes), (4, 12_000));
+        let mut sizes: Vec<_> = fs::read_dir(directory.path())
+            .unwrap()
+            .map(|entry| entry.unwrap())
+            .map(|entry| {
+                (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().len())
+            })
+            .collect();
+        sizes.sort();
+        assert_eq!(sizes.iter().map(|(_, size)| *size).collect::<Vec<_>>(), [3_500, 1_500]);
+        assert!(sizes[0].0.ends_with("-0003.pcapng") && sizes[1].0.ends_with("-0004.pcapng"));
+    }
+
+    #[test]
+    fn a_ring_ends_files_by_duration() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut files = Files::new(directory.path(), "duration=3s".parse().unwrap()).unwrap();
+        (10..17).for_each(|second| write(&mut files, second));
+        assert!(!files.is_full_for(at(18), 0) && files.is_full_for(at(19), 0));
+        files.finish(&[]).unwrap();
+        // 10 to 12, 13 to 15, 16.
+        assert_eq!(files.finished, 3);
+    }
+
+    #[test]
+    fn what_is_being_written_is_no_capture_yet() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut files = Files::new(directory.path(), Ring::default()).unwrap();
+        write(&mut files, 1);
+        let name = |entry: io::Result<fs::DirEntry>| entry.unwrap().file_name();
+        let names: Vec<_> = fs::read_dir(directory.path()).unwrap().map(name).collect();
+        assert!(names.len() == 1 && names[0].to_string_lossy().ends_with(".pcapng.part"));
+    }
+}

@@ -1,0 +1,176 @@
+//! A flight recorder: only what surrounds an event is kept.
+//!
+//! What was heard is held in memory until it is clear that no event will ask for it. Decoding comes
+//! behind, and says which events there were, and up to where there are no more.
+
+use super::composer::Chunk;
+use super::files::{Files, WriteError};
+use dissectors::event::Moment;
+use std::collections::VecDeque;
+
+/// Most bytes that are held. Where `--before` asks for more, the oldest are let go.
+pub const MOST_HELD: usize = 64 * 1024 * 1024;
+
+/// How long after its beginning a record may be told, in ns: what is found out first takes 2 s, and
+/// an answer is missed after 1 s.
+const LATEST_TOLD: i64 = 4_000_000_000;
+
+/// Chunks are held together up to this span, in ns.
+const TOGETHER: i64 = 100_000_000;
+
+/// What surrounds an event.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings {
+    /// So much before it, in ns.
+    pub before: i64,
+    /// So much behind it, in ns.
+    pub after: i64,
+}
+
+/// The last while, and what of it is being kept.
+pub struct Flight {
+    kept: Surroundings,
+    held: VecDeque<Held>,
+    bytes: usize,
+    /// Until when the file that is open reaches.
+    until: Option<Moment>,
+    /// Bytes were let go that `--before` asks for.
+    pub is_short: bool,
+}
+
+struct Held {
+    from: Moment,
+    to: Moment,
+    bytes: Vec<u8>,
+}
+
+impl Flight {
+    /// Nothing was heard yet.
+    pub fn new(kept: Surroundings) -> Self {
+        Flight { kept, held: VecDeque::new(), bytes: 0, until: None, is_short: false }
+    }
+
+    /// Holds a chunk.
+    pub fn hold(&mut self, chunk: &Chunk, bytes: &[u8]) {
+        self.bytes += bytes.len();
+        let joins = |held: &&mut Held| {
+            let span = chunk.to.since(held.from);
+            // What an open file waits for is not joined with what it does not want.
+            self.until.is_none() && span.is_some_and(|span| (0..TOGETHER).contains(&span))
+        };
+        match self.held.back_mut().filter(joins) {
+            Some(held) => {
+                held.bytes.extend_from_slice(bytes);
+                held.to = if chunk.to.is_after(held.to) { chunk.to } else { held.to };
+            }
+            None => {
+                let (from, to) = (chunk.from, chunk.to);
+                self.held.push_back(Held { from, to, bytes: bytes.to_vec() });
+            }
+        }
+        while self.bytes > MOST_HELD {
+            self.is_short = true;
+            self.let_go();
+        }
+    }
+
+    /// There was an event at this time.
+    ///
+    /// # Errors
+    /// What surrounds it cannot be written.
+    pub fn event(
+        &mut self,
+        at: Moment,
+        heads: &[Vec<u8>],
+        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        files: &mut Files,
+    ) -> Result<(), WriteError> {
+        let (from, until) = (at.plus(-self.kept.before), at.plus(self.kept.after));
+        if let Some(open) = self.until {
+            if from.is_after(open) {
+                files.finish(&ends(open))?;
+                self.until = None;
+            } else if !until.is_after(open) {
+                return Ok(());
+            }
+        }
+        if self.until.is_none() {
+            while self.held.front().is_some_and(|held| from.is_after(held.to)) {
+                self.let_go();
+            }
+        }
+        self.until = Some(until);
+        self.write(heads, ends, files)
+    }
+
+    /// Writes what the open file asks for.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(
+        &mut self,
+        heads: &[Vec<u8>],
+        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        files: &mut Files,
+    ) -> Result<(), WriteError> {
+        let Some(until) = self.until else { return Ok(()) };
+        while self.held.front().is_some_and(|held| !held.from.is_after(until)) {
+            let Some(held) = self.held.pop_front() else { break };
+            self.bytes -= held.bytes.len();
+            if files.is_full_for(held.from, held.bytes.len()) {
+                files.finish(&ends(held.from))?;
+            }
+            files.write(held.from, &held.bytes, heads)?;
+        }
+        Ok(())
+    }
+
+    /// Everything up to `now` was decoded: there is no event before it that was not told.
+    ///
+    /// # Errors
+    /// A file cannot be finished.
+    pub fn decoded(
+        &mut self,
+        now: Moment,
+        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        files: &mut Files,
+    ) -> Result<(), WriteError> {
+        // Behind it, the next event begins a file of its own.
+        let early = self.kept.before.saturating_add(LATEST_TOLD);
+        match self.until {
+            Some(until) if now.since(until).is_some_and(|since| since > early) => {
+                files.finish(&ends(until))?;
+                self.until = None;
+            }
+            _ => {}
+        }
+        let horizon = now.plus(early.saturating_neg());
+        while self.until.is_none()
+            && self.held.front().is_some_and(|held| horizon.is_after(held.to))
+        {
+            self.let_go();
+        }
+        Ok(())
+    }
+
+    /// Nothing comes any more, and all was decoded.
+    ///
+    /// # Errors
+    /// A file cannot be finished.
+    pub fn finish(
+        &mut self,
+        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        files: &mut Files,
+    ) -> Result<(), WriteError> {
+        match self.until.take() {
+            Some(until) => files.finish(&ends(until)),
+            None => Ok(()),
+        }
+    }
+
+    fn let_go(&mut self) {
+        if let Some(held) = self.held.pop_front() {
+            self.bytes -= held.bytes.len();
+        }
+    }
+}

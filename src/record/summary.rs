@@ -1,0 +1,134 @@
+//! How a recording goes, in one line, and its last four lines where nothing was decoded.
+
+use super::Recorder;
+use super::composer::Bus;
+use crate::terminal::clean;
+use crate::verdict::{Verdict, line_of_counts};
+use dissectors::finding::Span;
+use std::fmt;
+
+/// How a recording goes.
+pub struct Summary {
+    lasted: i64,
+    characters: u64,
+    frames: u64,
+    breaks: u64,
+    bytes: u64,
+    files: u64,
+    is_open: bool,
+    events: Option<u64>,
+    losses: u64,
+    /// Those counted: in the capture, and at the receiver.
+    lost: [u64; 2],
+}
+
+impl Summary {
+    /// As it is now, after so many ns.
+    pub fn of(recorder: &Recorder, lasted: i64) -> Self {
+        let sum = |count: fn(&Bus) -> u64| recorder.buses().iter().map(count).sum();
+        let files = recorder.files();
+        Summary {
+            lasted,
+            characters: sum(|bus| bus.counts.characters),
+            frames: sum(|bus| bus.counts.frames),
+            breaks: sum(|bus| bus.counts.breaks),
+            bytes: files.bytes,
+            files: files.finished,
+            is_open: files.is_open(),
+            events: recorder.events(),
+            losses: sum(|bus| bus.counts.losses),
+            lost: [sum(|bus| bus.lost[0]), sum(|bus| bus.lost[1])],
+        }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plural = |count: u64| if count == 1 { "" } else { "s" };
+        write!(f, "recorded {}: ", Lasted(self.lasted))?;
+        match (self.characters, self.frames) {
+            (0, frames) if frames > 0 => write!(f, "{frames} frame{}", plural(frames))?,
+            (characters, 0) => write!(f, "{characters} character{}", plural(characters))?,
+            (characters, frames) => write!(f, "{characters} characters and {frames} frames")?,
+        }
+        if self.breaks > 0 {
+            write!(f, ", {} break{}", self.breaks, plural(self.breaks))?;
+        }
+        if let Some(events) = self.events {
+            write!(f, ", {events} event{}", plural(events))?;
+        }
+        let open = if self.is_open { " and one being written" } else { "" };
+        write!(f, "; {} bytes in {} file{}{open}; ", self.bytes, self.files, plural(self.files))?;
+        let [capture, receiver] = self.lost;
+        match self.losses {
+            0 => f.write_str("nothing lost"),
+            1 => {
+                write!(f, "lost once: {capture} counted in the capture, {receiver} at the receiver")
+            }
+            times => write!(
+                f,
+                "lost {times} times: {capture} counted in the capture, {receiver} at the receiver"
+            ),
+        }
+    }
+}
+
+/// How long a recording has lasted, as people say it.
+struct Lasted(i64);
+
+impl fmt::Display for Lasted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.0 / 1_000_000_000;
+        match seconds {
+            0..60 => Span(self.0).fmt(f),
+            60..3_600 => write!(f, "{} min {} s", seconds / 60, seconds % 60),
+            _ => write!(f, "{} h {} min", seconds / 3_600, seconds % 3_600 / 60),
+        }
+    }
+}
+
+/// The last four lines of a recording that was not decoded.
+pub fn undecoded(recorder: &Recorder) -> Verdict {
+    let lines = recorder.buses().iter().map(|bus| {
+        let line = line_of_counts(bus.counts, bus.wire(), bus.is_can());
+        let is_only = recorder.buses().len() == 1;
+        clean(&if is_only { line } else { format!("{} {line}", bus.info.name) })
+    });
+    let line = lines.collect::<Vec<_>>().join("; ");
+    let not_decoded = || "not decoded".to_owned();
+    Verdict {
+        line: if line.is_empty() { "silent: nothing was heard".to_owned() } else { line },
+        who: not_decoded(),
+        wrong: not_decoded(),
+        open: format!(
+            "everything: a recording is not decoded -> fieldtap read {}/*.pcapng",
+            clean(&recorder.directory().display().to_string())
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_summary_is_one_sentence() {
+        let summary = Summary {
+            lasted: 3_723_000_000_000,
+            characters: 41_212,
+            frames: 0,
+            breaks: 1,
+            bytes: 1_234_567,
+            files: 2,
+            is_open: true,
+            events: None,
+            losses: 2,
+            lost: [7, 0],
+        };
+        assert_eq!(
+            summary.to_string(),
+            "recorded 1 h 2 min: 41212 characters, 1 break; 1234567 bytes in 2 files and one being \
+             written; lost 2 times: 7 counted in the capture, 0 at the receiver"
+        );
+    }
+}

@@ -1,0 +1,312 @@
+//! Recordings: what is on disk, whatever ends them.
+
+use crate::harness::{Run, Scratch, argument, codes, fieldtap, fieldtap_fed, here, say};
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// The files in a directory, sorted.
+fn files(directory: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(directory).expect("the directory is there");
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.expect("readable").path()).collect();
+    files.sort();
+    files
+}
+
+fn is_whole(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension == "pcapng")
+}
+
+/// `read --format json` of these files.
+fn read(files: &[PathBuf]) -> Run {
+    let files = files.iter().map(|file| argument(file));
+    fieldtap(["read", "--format", "json"].into_iter().chain(files))
+}
+
+/// An exchange with encoder 0 that begins at this time (TR SLIN §6: 154 is 1A 01, then the footer).
+/// At 115200 Bd a character takes 95.486 µs; the answer begins 250 µs after the request.
+fn exchange(at_ns: u64, parity: &str) -> String {
+    let mut text = String::new();
+    for (offset, byte, parity) in
+        [(0, 0x80, "ok"), (345_486, 0x1A, parity), (440_972, 0x01, "ok"), (536_458, 0x98, "ok")]
+    {
+        let ns = at_ns + offset;
+        // A String takes any text.
+        let _ =
+            writeln!(text, "{}.{:09},{byte:02X},{parity}", ns / 1_000_000_000, ns % 1_000_000_000);
+    }
+    text
+}
+
+/// A minute and a half of exchanges, ten a second, with a parity error at these seconds.
+fn ninety_seconds(bad: &[u64]) -> String {
+    let mut text = "time,byte,parity\n".to_owned();
+    for n in 0..900 {
+        let is_bad = n % 10 == 0 && bad.contains(&(n / 10));
+        text += &exchange(n * 100_000_000, if is_bad { "error" } else { "ok" });
+    }
+    text
+}
+
+fn start(arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_fieldtap"))
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program is there")
+}
+
+fn kill(child: &Child, signal: &str) {
+    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status();
+    assert!(killed.expect("kill is there").success());
+}
+
+/// Waits until something holds, for ten seconds at most.
+fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !holds() {
+        assert!(begin.elapsed() < Duration::from_secs(10), "{what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_recording_reads_like_what_was_recorded() {
+    for capture in [
+        "captures/good/tr-115200.pcapng",
+        "captures/good/tr.chars",
+        "captures/slin-parity/one-station.pcapng",
+        "captures/good-devicenet/errands.log",
+    ] {
+        let scratch = Scratch::new();
+        let bytes = std::fs::read(here(capture)).expect(capture);
+        let directory = scratch.path("tape");
+        let run = fieldtap_fed(["record", "-", "-w", argument(&directory)], &bytes).good();
+        assert!(run.stderr.contains("recorded ") && run.stderr.contains("in 1 file;"), "{run:?}");
+        assert!(run.stderr.contains("-> fieldtap read"), "{}", run.stderr);
+        let live = fieldtap_fed(["read", "--format", "json", "-"], &bytes).good();
+        let saved = read(&files(&directory)).good();
+        assert_eq!(saved.stdout, live.stdout, "{capture}");
+        let last = |run: &Run| run.stderr.lines().rev().take(4).map(str::to_owned).collect();
+        let (saved, live): (Vec<String>, Vec<String>) = (last(&saved), last(&live));
+        assert_eq!(saved, live, "{capture}");
+    }
+}
+
+#[test]
+fn a_killed_recording_reads_back_to_within_a_second() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let mut child = start(&["record", "-", "--baud", "115200", "-w", argument(&directory)]);
+    let mut stdin = child.stdin.take().expect("it is piped");
+    stdin.write_all(b"time,byte,parity\n").expect("it reads");
+    let begin = Instant::now();
+    // From when on it listens, it hears something every 20 ms, for 2.5 s.
+    while begin.elapsed() < Duration::from_millis(2_500) {
+        let now = begin.elapsed().as_nanos() as u64;
+        stdin.write_all(exchange(now, "ok").as_bytes()).expect("it reads");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let end = begin.elapsed().as_nanos() as i64;
+    kill(&child, "-KILL");
+    child.wait().expect("it ends");
+    let files = files(&directory);
+    assert!(files.len() == 1 && !is_whole(&files[0]), "{files:?}");
+    let run = read(&files);
+    let last = run.records().last().expect("records").clone();
+    let last = last["time_ns"].as_i64().expect("it has times");
+    assert!(end - last < 1_000_000_000, "{last} of {end}");
+    assert!(run.status == 0 || run.stderr.contains("it was cut"), "{}", run.stderr);
+
+    // Cut inside the last block, it is told, and what is before is read.
+    let bytes = std::fs::read(&files[0]).expect("it is there");
+    let cut = scratch.file("cut.pcapng.part", &bytes[..bytes.len() - 5]);
+    let again = read(&[cut]);
+    assert_eq!(again.status, 3);
+    assert!(again.stderr.contains("it was cut"), "{}", again.stderr);
+    assert!(again.records().len() + 2 >= run.records().len());
+}
+
+#[test]
+fn a_ring_keeps_the_newest() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let capture = ninety_seconds(&[]);
+    let arguments = [
+        "record",
+        "-",
+        "--baud",
+        "115200",
+        "--ring",
+        "files=3,duration=10s",
+        "-w",
+        argument(&directory),
+    ];
+    let run = fieldtap_fed(arguments, capture.as_bytes()).good();
+    assert!(run.stderr.contains("in 9 files"), "{}", run.stderr);
+    let files = files(&directory);
+    assert_eq!(files.len(), 3, "{files:?}");
+    assert!(files.iter().all(|file| is_whole(file)));
+    let records = read(&files).good().records();
+    let time = |record: &Value| record["time_ns"].as_i64().expect("it has times") as f64 / 1e9;
+    // The last three of nine times ten seconds; blocks of 0.1 s stay together.
+    let begin = time(&records[0]);
+    assert!((59.9..60.3).contains(&begin), "{begin}");
+    // Ten exchanges a second, two records each, and none is missing.
+    let expected = (90.0 - begin) * 20.0;
+    assert!((records.len() as f64 - expected).abs() < 2.0, "{expected}");
+}
+
+#[test]
+fn a_flight_recorder_keeps_what_surrounds_events() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    // The windows of 40 s and 44 s overlap.
+    let capture = ninety_seconds(&[40, 44, 80]);
+    let arguments = ["record", "-", "--baud", "115200", "--trigger", "slin.parity"];
+    let window = ["--before", "3s", "--after", "2s", "-w", argument(&directory)];
+    let run = fieldtap_fed(arguments.into_iter().chain(window), capture.as_bytes()).good();
+    assert!(run.stderr.contains("3 events") && run.stderr.contains("in 2 files"), "{}", run.stderr);
+    // It was decoded: the last lines say what was found.
+    assert!(run.stderr.contains("WRONG  0: 3 x parity"), "{}", run.stderr);
+    let files = files(&directory);
+    assert_eq!(files.len(), 2, "{files:?}");
+    for (file, first, last, events) in [(&files[0], 37.0, 46.0, 2), (&files[1], 77.0, 82.0, 1)] {
+        let records = read(std::slice::from_ref(file)).good().records();
+        let time = |record: &Value| record["time_ns"].as_i64().expect("times") as f64 / 1e9;
+        let (begin, end) = (time(&records[0]), time(records.last().expect("records")));
+        // An exchange every 0.1 s; blocks of 0.1 s are kept or not as a whole.
+        assert!((begin - first).abs() < 0.25 && (end - last).abs() < 0.25, "{begin} to {end}");
+        let found = records.iter().flat_map(codes).filter(|code| code == "slin.parity");
+        assert_eq!(found.count(), events);
+    }
+}
+
+#[test]
+fn an_event_at_the_very_end_is_kept_and_none_leaves_nothing() {
+    for (bad, count) in [(&[89_u64][..], 1), (&[], 0)] {
+        let scratch = Scratch::new();
+        let directory = scratch.path("tape");
+        let capture = ninety_seconds(bad);
+        let arguments =
+            ["record", "-", "--baud", "115200", "--trigger", "error", "-w", argument(&directory)];
+        fieldtap_fed(arguments, capture.as_bytes()).good();
+        assert_eq!(files(&directory).iter().filter(|file| is_whole(file)).count(), count);
+        assert_eq!(files(&directory).len(), count);
+    }
+}
+
+#[test]
+fn signals_end_a_recording_well() {
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        let scratch = Scratch::new();
+        let directory = scratch.path("tape");
+        let mut child = start(&["record", "-", "--baud", "115200", "-w", argument(&directory)]);
+        let mut stdin = child.stdin.take().expect("it is piped");
+        let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+        stdin.write_all(capture.as_bytes()).expect("it reads");
+        wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+        assert!(!is_whole(&files(&directory)[0]), "it is not whole yet");
+        kill(&child, signal);
+        let output = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(0), "{signal}: {told}");
+        assert!(told.contains("recorded ") && told.contains(": 4 characters;"), "{told}");
+        assert!(told.contains("LINE   ok: 115200 8E1, 4 characters, 0 damaged"), "{told}");
+        assert!(told.contains("\nOPEN   everything"), "{told}");
+        let files = files(&directory);
+        assert!(files.len() == 1 && is_whole(&files[0]), "{files:?}");
+        assert_eq!(read(&files).good().records().len(), 2);
+        drop(stdin);
+    }
+}
+
+/// A limit on the size of files is met like a full disk.
+#[test]
+fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let source = scratch.file("long.chars", ninety_seconds(&[]));
+    let program = env!("CARGO_BIN_EXE_fieldtap");
+    // Of 512 bytes, as POSIX has it, or of 1024.
+    let command = format!(
+        "ulimit -f 100; exec {program} record {} --baud 115200 -w {}",
+        argument(&source),
+        argument(&directory)
+    );
+    let output = Command::new("sh").args(["-c", &command]).output().expect("sh is there");
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(told.contains("cannot be written") && told.contains("what came before"), "{told}");
+    assert!(told.contains("\nLINE   ok"), "{told}");
+    let files = files(&directory);
+    assert!(files.len() == 1 && is_whole(&files[0]), "{files:?}");
+    let records = read(&files).good().records();
+    assert!(records.len() > 500, "{}", records.len());
+    let whole = read(&[source]);
+    let before: Vec<&str> = whole.stdout.lines().take(records.len() - 2).collect();
+    // The clock's ± and all: the same records.
+    assert_eq!(before.len(), records.len() - 2);
+    for (line, record) in before.iter().zip(&records) {
+        let line: Value = serde_json::from_str(line).expect("an object");
+        assert_eq!((&line["n"], &line["time_ns"]), (&record["n"], &record["time_ns"]));
+    }
+}
+
+/// The same on a file system that is full, where one can be mounted.
+#[test]
+fn a_full_file_system() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("small");
+    std::fs::create_dir(&directory).expect("temporary directories can be made");
+    let source = scratch.file("long.chars", ninety_seconds(&[]));
+    let (small, program) = (argument(&directory), env!("CARGO_BIN_EXE_fieldtap"));
+    let command = format!(
+        "mount -t tmpfs -o size=64k none {small} || exit 77; {program} record {} --baud 115200 \
+         --ring size=20k -w {small}; echo status $? >&2; cat {small}/*.pcapng; ls {small} >&2",
+        argument(&source)
+    );
+    let unshared = Command::new("unshare").args(["-rm", "sh", "-c", &command]).output();
+    let Ok(output) = unshared else {
+        say("skipped: unshare is not there (util-linux)");
+        return;
+    };
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    if output.status.code() == Some(77) || !told.contains("status ") {
+        say("skipped: no file system can be mounted here");
+        return;
+    }
+    assert!(told.contains("status 3") && told.contains("No space left"), "{told}");
+    assert!(!told.contains(".part\n"), "{told}");
+    // The sections of all files, one behind the other, read as one.
+    let run = fieldtap_fed(["read", "--format", "json", "-"], &output.stdout).good();
+    assert!(run.records().len() > 500, "{}", run.records().len());
+}
+
+#[test]
+fn what_cannot_be_recorded_is_refused() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let directory = argument(&directory);
+    let levels = here("captures/good/tr.sr");
+    for (more, status, says) in [
+        (&[argument(&levels)][..], 3, "line levels"),
+        (&["absent.pcapng"], 3, "there is no such file"),
+        (&["-", "--ring", "files=3"], 2, "without size or duration"),
+        (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
+        (&["-", "--count", "3"], 2, "keeps everything"),
+        (&["can:can0", "can:can1"], 2, "one live tap"),
+    ] {
+        let run = fieldtap(["record", "-w", directory].iter().chain(more));
+        assert_eq!(run.status, status, "{more:?}: {}", run.stderr);
+        assert!(run.stderr.contains(says), "{more:?}: {}", run.stderr);
+    }
+    let file = scratch.file("file", "");
+    let run = fieldtap_fed(["record", "-", "-w", argument(&file)], b"time,byte,parity\n");
+    assert!(run.status == 3 && run.stderr.contains("cannot be written"), "{}", run.stderr);
+}
