@@ -1,5 +1,7 @@
 //! What runs in the machine: a file for each thing that is listened to.
 
+mod can;
+mod kvaser;
 mod tap;
 mod vcan;
 

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 use std::fs::{self, File};
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -9,7 +10,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// How long anything may take here: the machine is emulated, and its host has other things to do.
-const PATIENCE: Duration = Duration::from_secs(20);
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Who may do nothing.
+const NOBODY: u32 = 65534;
 
 /// A run of `fieldtap read` that goes on.
 pub struct Tap {
@@ -29,20 +33,7 @@ pub struct Run {
 impl Tap {
     /// Starts it with these arguments.
     pub fn start(arguments: &[&str]) -> Tap {
-        super::only_in_the_machine();
-        static RUNS: AtomicU32 = AtomicU32::new(0);
-        let run = RUNS.fetch_add(1, Ordering::Relaxed);
-        let (stdout, stderr) = (format!("/tmp/{run}.stdout"), format!("/tmp/{run}.stderr"));
-        let file = |path: &str| File::create(path).expect("there is room");
-        let program = Command::new(env!("CARGO_BIN_EXE_fieldtap"))
-            .args(["read", "--format", "json"])
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(file(&stdout))
-            .stderr(file(&stderr))
-            .spawn()
-            .expect("the program is there");
-        Tap { program, stdout: stdout.into(), stderr: stderr.into() }
+        Tap::spawn(&mut reading(arguments))
     }
 
     /// The same, and waits until it says that it listens, with these words.
@@ -52,10 +43,33 @@ impl Tap {
         tap
     }
 
+    /// The same, without any rights.
+    pub fn listen_as_nobody(arguments: &[&str], words: &str) -> Tap {
+        let mut tap = Tap::spawn(reading(arguments).uid(NOBODY));
+        tap.wait_until(words, |tap| tap.stderr().contains(words));
+        tap
+    }
+
+    fn spawn(command: &mut Command) -> Tap {
+        super::only_in_the_machine();
+        static RUNS: AtomicU32 = AtomicU32::new(0);
+        let run = RUNS.fetch_add(1, Ordering::Relaxed);
+        let (stdout, stderr) = (format!("/tmp/{run}.stdout"), format!("/tmp/{run}.stderr"));
+        let file = |path: &str| File::create(path).expect("there is room");
+        let program = command
+            .stdin(Stdio::null())
+            .stdout(file(&stdout))
+            .stderr(file(&stderr))
+            .spawn()
+            .expect("the program is there");
+        Tap { program, stdout: stdout.into(), stderr: stderr.into() }
+    }
+
     /// Waits for so many records of a kind.
     pub fn wait_for(&mut self, count: usize, kind: &str) {
+        let key = format!("\"kind\":\"{kind}\"");
         self.wait_until(&format!("{count} of kind {kind}"), |tap| {
-            tap.records().iter().filter(|record| record["kind"] == kind).count() >= count
+            tap.stdout().matches(&key).count() >= count
         });
     }
 
@@ -76,9 +90,13 @@ impl Tap {
 
     /// What it has printed so far; a line that is being written is left out.
     pub fn records(&self) -> Vec<Value> {
-        let text = fs::read_to_string(&self.stdout).expect("it is there");
+        let text = self.stdout();
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         whole.map(|line| serde_json::from_str(line).expect(line)).collect()
+    }
+
+    fn stdout(&self) -> String {
+        fs::read_to_string(&self.stdout).expect("it is there")
     }
 
     pub fn stderr(&self) -> String {
@@ -109,6 +127,12 @@ impl Tap {
         };
         Run { records: self.records(), stderr: self.stderr(), status }
     }
+}
+
+fn reading(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fieldtap"));
+    command.args(["read", "--format", "json"]).args(arguments);
+    command
 }
 
 /// The sum of what records say was lost.
