@@ -71,7 +71,7 @@ impl Machine {
             .args(["-device", "isa-debug-exit,iobase=0xf4,iosize=0x04"])
             .args(["-object", "can-bus,id=bus"])
             .args(["-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus"])
-            .args(["-append", "console=ttyS0 panic=-1 quiet"])
+            .args(["-append", "console=ttyS0 panic=-1 loglevel=2"])
             .arg("-kernel")
             .arg(self.lab.join("vmlinuz"))
             .arg("-initrd")

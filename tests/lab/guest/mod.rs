@@ -1,8 +1,11 @@
 //! What runs in the machine: a file for each thing that is listened to.
 
+mod adapters;
 mod can;
 mod kvaser;
+mod serial;
 mod tap;
+mod usbip;
 mod vcan;
 
 /// Scenarios set up interfaces and load drivers: not on anybody's host.

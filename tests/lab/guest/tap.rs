@@ -135,6 +135,14 @@ fn reading(arguments: &[&str]) -> Command {
     command
 }
 
+impl Drop for Tap {
+    fn drop(&mut self) {
+        // It has ended, unless its test failed.
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
 /// The sum of what records say was lost.
 pub fn lost(records: &[Value]) -> u64 {
     records.iter().filter_map(|record| record["lost"].as_u64()).sum()
