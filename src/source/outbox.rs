@@ -180,11 +180,6 @@ impl Outbox {
         self.waiting.push_back(Waiting::Warning(warning));
     }
 
-    /// A live tap found this out about itself.
-    pub fn note(&mut self, line: String) {
-        self.waiting.push_back(Waiting::Note(line));
-    }
-
     /// The capture of a bus ends.
     pub fn end(&mut self, bus: usize, at: Moment) {
         self.waiting.push_back(Waiting::End(bus, at));
