@@ -8,6 +8,8 @@ mod harness;
 mod live;
 #[cfg(target_os = "linux")]
 mod live_can;
+#[cfg(target_os = "linux")]
+mod passive;
 mod peers;
 mod real_captures;
 mod record;

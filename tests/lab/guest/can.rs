@@ -60,11 +60,16 @@ impl Interface {
         }
     }
 
-    /// The same, at a pace that an emulated card follows.
-    pub fn send_slowly(&self, numbers: Range<u32>) {
+    /// The same, each once the other one has heard the one before: no machine is too slow for that.
+    pub fn send_to(&self, other: &Interface, numbers: Range<u32>) {
+        let begin = Instant::now();
         for number in numbers {
+            let heard = other.count("rx_packets");
             self.send(number..number + 1);
-            thread::sleep(Duration::from_millis(1));
+            while other.count("rx_packets") == heard {
+                assert!(begin.elapsed() < PATIENCE, "{} does not hear {number}", other.name);
+                thread::sleep(Duration::from_micros(100));
+            }
         }
     }
 
