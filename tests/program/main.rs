@@ -5,6 +5,8 @@ mod captures;
 mod conversions;
 mod endings;
 mod harness;
+#[cfg(target_os = "linux")]
+mod line;
 mod live;
 #[cfg(target_os = "linux")]
 mod live_can;
@@ -19,6 +21,8 @@ mod serial;
 mod set_ups;
 mod simulate;
 mod snapshots;
+#[cfg(target_os = "linux")]
+mod soak;
 mod streams;
 mod telegrams;
 mod truth;

@@ -4,9 +4,8 @@
 //! a failure, whether or not the pseudo terminal would have done it.
 
 use crate::harness::{Scratch, argument};
+use crate::line::Line;
 use crate::peers::ask;
-use rustix::fd::OwnedFd;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::collections::BTreeSet;
 use std::process::{Command, Stdio};
 use std::thread;
@@ -38,48 +37,30 @@ const HARMLESS: [&str; 12] = [
 /// Encoder 0 answers 154 (TR SLIN §6).
 const EXCHANGE: [u8; 4] = [0x80, 0x1A, 0x01, 0x98];
 
-/// The other end of a port.
-struct Line {
-    master: OwnedFd,
-    port: String,
-}
-
-impl Line {
-    fn new() -> Self {
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-        let master = openpt(flags).expect("a pseudo terminal");
-        grantpt(&master).expect("it is ours");
-        unlockpt(&master).expect("it is ours");
-        rustix::io::ioctl_fionbio(&master, true).expect("it need not wait");
-        let port = ptsname(&master, Vec::new()).expect("it has a name");
-        Line { port: port.into_string().expect("UTF-8"), master }
+/// Runs a command under strace, while a line is played; the calls that concern its port. Nothing if
+/// strace may be absent and is.
+fn watch(line: &Line, command: &[&str], mut play: impl FnMut(&Line)) -> Option<Vec<Call>> {
+    ask("strace", "strace", &["-V"])?;
+    let scratch = Scratch::new();
+    let log = scratch.file("calls", "");
+    let mut child = Command::new("strace")
+        .args(["-f", "-y", "-s", "4096", "-e", WATCHED, "-e", "signal=none", "-o"])
+        .arg(&log)
+        .args(command)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("it was there");
+    let begin = Instant::now();
+    while child.try_wait().expect("it can be asked").is_none() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "the program does not end");
+        play(line);
+        thread::sleep(Duration::from_millis(20));
     }
-
-    /// Runs a command under strace, while the line is played; the calls that concern the port.
-    /// Nothing if strace may be absent and is.
-    fn watch(&self, command: &[&str], mut play: impl FnMut(&OwnedFd)) -> Option<Vec<Call>> {
-        ask("strace", "strace", &["-V"])?;
-        let scratch = Scratch::new();
-        let log = scratch.file("calls", "");
-        let mut child = Command::new("strace")
-            .args(["-f", "-y", "-s", "4096", "-e", WATCHED, "-e", "signal=none", "-o"])
-            .arg(&log)
-            .args(command)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("it was there");
-        let begin = Instant::now();
-        while child.try_wait().expect("it can be asked").is_none() {
-            assert!(begin.elapsed() < Duration::from_secs(60), "the program does not end");
-            play(&self.master);
-            thread::sleep(Duration::from_millis(20));
-        }
-        let calls = std::fs::read_to_string(&log).expect("it was written");
-        assert!(!calls.contains("io_uring_setup"), "what it does could not be seen");
-        let place = format!("<{}>", self.port);
-        Some(calls.lines().filter(|call| call.contains(&place)).map(Call::of).collect())
-    }
+    let calls = std::fs::read_to_string(&log).expect("it was written");
+    assert!(!calls.contains("io_uring_setup"), "what it does could not be seen");
+    let place = format!("<{}>", line.port);
+    Some(calls.lines().filter(|call| call.contains(&place)).map(Call::of).collect())
 }
 
 /// A call that concerns the port.
@@ -151,9 +132,8 @@ fn assert_sends_nothing(calls: Vec<Call>) {
 }
 
 /// Puts an exchange on the line, again and again.
-fn play_exchanges(master: &OwnedFd) {
-    // It is full where the program does not read yet.
-    let _ = rustix::io::write(master, &EXCHANGE);
+fn play_exchanges(line: &Line) {
+    line.put(&EXCHANGE);
 }
 
 #[test]
@@ -162,7 +142,7 @@ fn a_serial_port_is_only_listened_to() {
     let source = format!("serial:{}", line.port);
     for rate in ["115200", "auto"] {
         let command = [FIELDTAP, "read", &source, "--baud", rate, "--count", "6"];
-        let Some(calls) = line.watch(&command, play_exchanges) else { return };
+        let Some(calls) = watch(&line, &command, play_exchanges) else { return };
         assert_sends_nothing(calls);
     }
 }
@@ -175,28 +155,26 @@ fn recording_sends_nothing_either() {
     let source = format!("serial:{}", line.port);
     let program = [FIELDTAP, "record", &source, "--baud", "115200", "-w", argument(&tape)];
     let command = [&["timeout", "--signal=INT", "3"], &program[..]].concat();
-    let calls = line.watch(&command, play_exchanges);
+    let calls = watch(&line, &command, play_exchanges);
     let Some(calls) = calls else { return };
     assert_sends_nothing(calls);
 }
 
 /// Plays an adapter that knows every command, and hears a frame once it is to listen.
-fn play_adapter() -> impl FnMut(&OwnedFd) {
+fn play_adapter() -> impl FnMut(&Line) {
     let mut is_listening = false;
-    move |master| {
-        let mut buffer = [0; 64];
-        let count = rustix::io::read(master, &mut buffer).unwrap_or(0);
-        for command in buffer[..count].split_inclusive(|byte| *byte == b'\r') {
+    move |line| {
+        for command in line.fetch().split_inclusive(|byte| *byte == b'\r') {
             is_listening = command == b"L\r" || (is_listening && command != b"C\r");
             let answer: &[u8] = match command {
                 b"V\r" => b"V1013\r",
                 b"N\r" => b"NA123\r",
                 _ => b"\r",
             };
-            let _ = rustix::io::write(master, answer);
+            line.put(answer);
         }
         if is_listening {
-            let _ = rustix::io::write(master, b"t3C15F97E1E0000\r");
+            line.put(b"t3C15F97E1E0000\r");
         }
     }
 }
@@ -208,7 +186,7 @@ fn an_adapter_is_told_to_listen_and_nothing_else() {
     for rate in ["125k", "auto"] {
         let command =
             [FIELDTAP, "read", &source, "--bitrate", rate, "--protocol", "can", "--count", "4"];
-        let Some(calls) = line.watch(&command, play_adapter()) else { return };
+        let Some(calls) = watch(&line, &command, play_adapter()) else { return };
         let (written, mut harmful) = sort(calls);
         // Waiting until what was written has left sends nothing (`tcdrain(3)`).
         harmful.retain(|call| *call != Call::Driver("TCSBRK".into(), "1".into()));
