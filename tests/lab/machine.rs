@@ -13,8 +13,8 @@ use std::process::{Command, Stdio};
 const TOOLS: [(&str, &str); 2] =
     [("qemu-system-x86_64", "qemu-system-x86"), ("busybox", "busybox-static")];
 
-/// A machine that hangs is ended after so many seconds.
-const PATIENCE: &str = "300";
+/// A machine that hangs is ended after so many seconds, and those of a soak.
+const PATIENCE: u64 = 300;
 
 /// What QEMU returns when the guest says 0 at its exit port: twice that, and one.
 const PASSED: i32 = 1;
@@ -64,7 +64,8 @@ impl Machine {
         let initramfs = self.lab.join("initramfs");
         self.pack(scenarios).write(&initramfs);
         let mut qemu = Command::new("timeout");
-        qemu.args(["--signal=KILL", PATIENCE, "qemu-system-x86_64"])
+        let seconds = PATIENCE + soak().unwrap_or_default();
+        qemu.args(["--signal=KILL", &seconds.to_string(), "qemu-system-x86_64"])
             .args(["-machine", "pc", "-accel", "tcg", "-cpu", "max", "-smp", "2", "-m", "512"])
             .args(["-display", "none", "-nodefaults", "-no-user-config", "-no-reboot"])
             .args(["-serial", "stdio", "-monitor", "none"])
@@ -114,8 +115,9 @@ impl Machine {
         for library in programs.into_iter().flat_map(libraries).collect::<BTreeSet<_>>() {
             archive.copy(Path::new(&library), &library);
         }
-        let run =
-            format!("{} --ignored --test-threads=1 {}", text(&scenarist), scenarios.join(" "));
+        let soak = soak().map_or(String::new(), |seconds| format!("FIELDTAP_SOAK={seconds} "));
+        let (scenarist, scenarios) = (text(&scenarist), scenarios.join(" "));
+        let run = format!("{soak}{scenarist} --ignored --test-threads=1 {scenarios}");
         archive.file("/init", [INIT, &run, LAST_WORDS].concat().as_bytes());
         archive
     }
@@ -126,6 +128,11 @@ impl Machine {
         let strip = Command::new("strip").arg("-o").arg(&to).arg(program).status();
         if strip.is_ok_and(|status| status.success()) { to } else { program.to_owned() }
     }
+}
+
+/// Seconds that the long scenarios may take, if that was said.
+fn soak() -> Option<u64> {
+    std::env::var("FIELDTAP_SOAK").ok().map(|seconds| seconds.parse().expect("seconds"))
 }
 
 /// The libraries that a program loads, by their paths.

@@ -73,6 +73,22 @@ impl Interface {
         }
     }
 
+    /// Sends so many a second, or as many as it can. How many it were.
+    pub fn send_at(&self, rate: u32, span: Duration) -> u64 {
+        let socket = CanSocket::open(&self.name).expect("it is there");
+        let (mut sent, begin) = (0, Instant::now());
+        while begin.elapsed() < span {
+            let due = begin.elapsed().as_micros() as u64 * u64::from(rate) / 1_000_000;
+            // Time goes on while they are sent.
+            for number in sent..due {
+                self.put(&socket, &numbered(number as u32));
+            }
+            sent = sent.max(due);
+            thread::sleep(Duration::from_millis(1));
+        }
+        sent
+    }
+
     /// Sends one.
     pub fn send_frame(&self, frame: &CanFrame) {
         self.put(&CanSocket::open(&self.name).expect("it is there"), frame);

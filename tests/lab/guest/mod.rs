@@ -4,6 +4,7 @@ mod adapters;
 mod can;
 mod kvaser;
 mod serial;
+mod soak;
 mod tap;
 mod usbip;
 mod vcan;

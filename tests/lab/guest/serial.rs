@@ -139,9 +139,9 @@ fn serial_whoever_waits_hears_an_adapter_that_comes_back() {
     adapter.hear(Line::Good, &[0x41]);
     tap.wait_for(1, "character");
     drop(adapter);
-    tap.wait_until("word of it", |tap| tap.stderr().contains("gone"));
+    tap.wait_for_words("gone");
     let adapter = plug(0, Ftdi::new());
-    tap.wait_until("word of it", |tap| tap.stderr().contains("is back"));
+    tap.wait_for_words("is back");
     assert_eq!(adapter.look(|ftdi| ftdi.latency), 1);
     assert_silent(&adapter, adapter.look(|ftdi| ftdi.lines));
     adapter.hear(Line::Good, &[0x42]);

@@ -15,7 +15,9 @@ pub const PATIENCE: Duration = Duration::from_secs(20);
 /// Who may do nothing.
 const NOBODY: u32 = 65534;
 
-/// A run of `fieldtap read` that goes on.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_fieldtap");
+
+/// A run of the program that goes on.
 pub struct Tap {
     program: Child,
     stdout: PathBuf,
@@ -36,17 +38,22 @@ impl Tap {
         Tap::spawn(&mut reading(arguments))
     }
 
+    /// Starts another command.
+    pub fn run(command: &[&str]) -> Tap {
+        Tap::spawn(Command::new(PROGRAM).args(command))
+    }
+
     /// The same, and waits until it says that it listens, with these words.
     pub fn listen(arguments: &[&str], words: &str) -> Tap {
         let mut tap = Tap::start(arguments);
-        tap.wait_until(words, |tap| tap.stderr().contains(words));
+        tap.wait_for_words(words);
         tap
     }
 
     /// The same, without any rights.
     pub fn listen_as_nobody(arguments: &[&str], words: &str) -> Tap {
         let mut tap = Tap::spawn(reading(arguments).uid(NOBODY));
-        tap.wait_until(words, |tap| tap.stderr().contains(words));
+        tap.wait_for_words(words);
         tap
     }
 
@@ -63,6 +70,11 @@ impl Tap {
             .spawn()
             .expect("the program is there");
         Tap { program, stdout: stdout.into(), stderr: stderr.into() }
+    }
+
+    /// Waits until it says this.
+    pub fn wait_for_words(&mut self, words: &str) {
+        self.wait_until(words, |tap| tap.stderr().contains(words));
     }
 
     /// Waits for so many records of a kind.
@@ -103,6 +115,14 @@ impl Tap {
         fs::read_to_string(&self.stderr).expect("it is there")
     }
 
+    /// What it holds in memory, in KiB.
+    pub fn memory(&self) -> u64 {
+        let path = format!("/proc/{}/status", self.program.id());
+        let status = fs::read_to_string(path).expect("it runs");
+        let line = status.lines().find(|line| line.starts_with("VmRSS:")).expect("it is told");
+        line.split_whitespace().nth(1).and_then(|kib| kib.parse().ok()).expect("a number")
+    }
+
     pub fn signal(&self, signal: libc::c_int) {
         let id = libc::pid_t::try_from(self.program.id()).expect("an id");
         // SAFETY: no memory is involved.
@@ -125,12 +145,15 @@ impl Tap {
             assert!(begin.elapsed() < PATIENCE, "it does not end: {}", self.stderr());
             thread::sleep(Duration::from_millis(20));
         };
-        Run { records: self.records(), stderr: self.stderr(), status }
+        // Only `read` prints records.
+        let stdout = self.stdout();
+        let records = if stdout.starts_with('{') { self.records() } else { Vec::new() };
+        Run { records, stderr: self.stderr(), status }
     }
 }
 
 fn reading(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_fieldtap"));
+    let mut command = Command::new(PROGRAM);
     command.args(["read", "--format", "json"]).args(arguments);
     command
 }

@@ -104,9 +104,9 @@ fn vcan_an_interface_that_goes_down_is_waited_for() {
     let mut tap = Tap::listen(&ARGUMENTS, LISTENS);
     bus.send(0..10);
     bus.down();
-    tap.wait_until("word of it", |tap| tap.stderr().contains("went down"));
+    tap.wait_for_words("went down");
     bus.up();
-    tap.wait_until("word of it", |tap| tap.stderr().contains("up again"));
+    tap.wait_for_words("up again");
     bus.send(10..20);
     tap.wait_for(20, "frame");
     let run = tap.stop();
