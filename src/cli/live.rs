@@ -8,7 +8,7 @@ use clap::Args;
 #[command(next_help_heading = "Live taps")]
 pub struct Live {
     /// Listen on a CAN interface that is not listen-only: it acknowledges frames, and so takes part
-    /// in the traffic.
+    /// in the traffic. Or through an adapter that does not say whether it is.
     #[arg(long)]
     pub allow_active: bool,
 

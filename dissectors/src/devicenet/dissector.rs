@@ -9,7 +9,7 @@ use super::layer::{Bytes, Facts, Link, Message, kind};
 use super::ledger::{Ledger, Now, is_foreign};
 use super::names::Names;
 use super::{PROTOCOL, Settings};
-use crate::can::{self, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
+use crate::can::{self, ErrorDetail, Frame, FrameFields, FrameKind, Identifier, Load, Watch};
 use crate::event::{Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::protocol::{self, Conclusion, Dissector};
@@ -54,6 +54,11 @@ impl DeviceNet {
             self.encoders.lose();
         }
         self.pass(bus, frame.start, out);
+        if ErrorDetail::of(frame).is_some_and(|detail| detail.is_overrun()) {
+            // The tap's controller lost frames here.
+            self.ledger.lose();
+            self.encoders.lose();
+        }
         self.restart_encoders(bus, frame.start, out);
         let id = match (frame.kind, frame.id) {
             (FrameKind::Data, Identifier::Standard(id)) if frame.crc != Some(false) => Some(id),

@@ -1,7 +1,7 @@
 //! A bus to decode frames on, and what was told of it.
 
 use fieldtap_dissectors::bus::{Bus, WireFacts};
-use fieldtap_dissectors::can::{Frame, Identifier};
+use fieldtap_dissectors::can::{Frame, FrameKind, Identifier};
 use fieldtap_dissectors::devicenet::PROTOCOL;
 use fieldtap_dissectors::event::{Clock, Event, Loss, LossCause, Moment};
 use fieldtap_dissectors::field::Value;
@@ -112,11 +112,20 @@ pub fn frame_ns(ns: i64, text: &str) -> Frame {
     Frame::data(Moment::from_ns(ns), 1_000, id, &data)
 }
 
-/// Frames at so many ms each; `lost` is a gap.
+/// Frames at so many ms each; `lost` is a gap, and `overrun` the error frame of a controller that was
+/// overrun (`linux/can/error.h`).
 pub fn script(lines: &[(f64, &str)]) -> Vec<Heard> {
     let hear = |(ms, text): &(f64, &str)| {
         let ns = (ms * 1e6) as i64;
-        if *text == "lost" { Heard::Lost(ns) } else { Heard::Frame(frame_ns(ns, text)) }
+        match *text {
+            "lost" => Heard::Lost(ns),
+            "overrun" => {
+                let (at, classes) = (Moment::from_ns(ns), Identifier::Extended(0x04));
+                let frame = Frame::new(at, 1_000, FrameKind::Error, classes, 8);
+                Heard::Frame(frame.with(&[0, 0x01, 0, 0, 0, 0, 0, 0]))
+            }
+            text => Heard::Frame(frame_ns(ns, text)),
+        }
     };
     lines.iter().map(hear).collect()
 }

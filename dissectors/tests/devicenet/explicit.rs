@@ -51,6 +51,9 @@ fn nothing_is_judged_beyond_the_end_or_a_gap() {
     assert_eq!(findings(&read(&[(0.0, "4BC#000E2F010C")], 999.0)), [""; 0]);
     let told = read(&[(0.0, "4BC#000E2F010C"), (999.0, "lost"), (3_000.0, "4BD#")], 5_000.0);
     assert_eq!(findings(&told), ["2 lost can.dropped"]);
+    // The tap's controller was overrun: the answer may have been lost.
+    let told = read(&[(0.0, "4BC#000E2F010C"), (999.0, "overrun"), (3_000.0, "4BD#")], 5_000.0);
+    assert_eq!(findings(&told), ["2 can-error can.error-frame can.dropped"]);
 }
 
 #[test]

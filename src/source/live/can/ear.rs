@@ -67,6 +67,12 @@ impl<S: SocketOptions> Ear<S> {
         Ok(count > 0)
     }
 
+    /// Says what came until now and is still queued.
+    pub fn tell_rest(&mut self, out: &mut Outbox) {
+        let end = now();
+        while !self.last.is_after(end) && self.listen(out).unwrap_or(false) {}
+    }
+
     /// Says that nothing was heard, after a while in which nothing was.
     pub fn tell_silence(&mut self, out: &mut Outbox) {
         self.tell_drops(out);
@@ -198,6 +204,17 @@ mod tests {
         let (frames, losses) = said(&mut out);
         assert_eq!(frames.len(), 1);
         assert_eq!(losses, ["Overrun Some(5)", "Overrun None"]);
+    }
+
+    #[test]
+    fn what_is_queued_at_the_end_is_heard() {
+        let (near, mut ear) = ear();
+        for _ in 0..200 {
+            near.send(&bytes(0x123, &[], 16)).expect("there is a reader");
+        }
+        let mut out = Outbox::default();
+        ear.tell_rest(&mut out);
+        assert_eq!(said(&mut out).0.len(), 200);
     }
 
     #[test]

@@ -26,6 +26,8 @@ const USB_NS: u32 = 1_000_000;
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Interface {
     name: String,
+    /// The system's number of it: another one where it was removed and came back.
+    index: u32,
     is_up: bool,
     /// `None` where it is of no bus: a virtual one.
     controller: Option<Controller>,
@@ -104,7 +106,8 @@ impl Interface {
         });
         let is_on_board = is_virtual || bus.is_some_and(|bus| bus != "usb");
         let uncertainty = if is_on_board { ON_BOARD_NS } else { USB_NS };
-        Interface { name: name.to_owned(), is_up: details.is_up, controller, uncertainty }
+        let (name, index) = (name.to_owned(), details.index);
+        Interface { name, index, is_up: details.is_up, controller, uncertainty }
     }
 
     /// Whether it may be listened to.
@@ -157,6 +160,11 @@ impl Interface {
             "{down}ip link set {name} type can bitrate {rate}{mode}; ip link set {name} up (with \
              the bit rate of the bus)"
         )
+    }
+
+    /// Whether it is the same, and was not removed meanwhile: then its sockets still hear it.
+    pub fn is_still(&self, other: &Interface) -> bool {
+        self.index == other.index
     }
 
     /// Whether it is up.

@@ -150,9 +150,14 @@ impl CanTap {
         match Interface::ask(&self.name) {
             Ok(interface) if !interface.is_up() => Ok(State::Down(ear)),
             Ok(interface) => {
-                interface.check(self.options.allow_active).map_err(|refusal| {
+                let refuse = |refusal: Refusal| {
                     self.error(format!("it is up again, but {}", refusal.text()))
-                })?;
+                };
+                interface.check(self.options.allow_active).map_err(refuse)?;
+                let (interface, ear) = match interface.is_still(&self.interface) {
+                    true => (interface, ear),
+                    false => find(&self.name, self.options.allow_active).map_err(refuse)?,
+                };
                 self.come_back(interface, out);
                 Ok(State::Hearing(ear))
             }
@@ -243,7 +248,10 @@ impl Reader for CanTap {
 
 impl Tap for CanTap {
     fn end(&mut self, out: &mut Outbox) {
-        if let Some(State::Hearing(ear)) = &mut self.state {
+        if let Some(State::Hearing(ear)) = &mut self.state
+            && self.is_announced
+        {
+            ear.tell_rest(out);
             ear.tell_drops(out);
             // Twice: what an error frame may yet tell has had its time.
             for _ in 0..2 {
