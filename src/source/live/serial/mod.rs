@@ -246,6 +246,8 @@ impl Serial {
             return;
         }
         if let Err(what) = self.set_baud(baud) {
+            // It is what the bus was announced with, and what is set when the port comes back.
+            self.baud = baud;
             self.warn(what, out);
         }
         if settled.was_heard {

@@ -154,6 +154,20 @@ fn marks_are_read_across_any_split() {
 }
 
 #[test]
+fn a_port_that_does_not_mark_as_asked_is_found_out() {
+    let line = Line::with_marks();
+    let mut tap = line.tap();
+    line.send(&[0x41, 0xFF, 0x42]);
+    let mut said = hear(&mut tap, 3);
+    line.send(&[0xFF, 0x43]);
+    said.extend(hear(&mut tap, 2));
+    let all = ["41", "FF", "42", "FF", "43"].map(|byte| format!("{byte} parity unknown"));
+    assert_eq!(characters(&said), all);
+    let warned = said.iter().filter(|line| line.contains("does not mark errors as asked"));
+    assert_eq!(warned.count(), 1, "{said:?}");
+}
+
+#[test]
 fn a_second_reader_is_told_to_go_elsewhere() {
     let line = Line::new();
     let _first = line.tap();
