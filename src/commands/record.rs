@@ -207,7 +207,7 @@ impl Recording {
             let Some(piece) = source.next_piece().map_err(Ended::Source)? else { break };
             match &piece {
                 Piece::Warning(warning) if !self.is_quiet => say!("fieldtap: warning: {warning}"),
-                Piece::Note(line) if !self.is_quiet => say!("{line}"),
+                Piece::Note(text) if !self.is_quiet => say!("fieldtap: {text}"),
                 _ => {}
             }
             self.recorder().take(&piece).map_err(Ended::Recorder)?;

@@ -246,6 +246,20 @@ impl Composer {
         Ok(())
     }
 
+    /// Describes the buses on which nothing was heard: that, too, is worth knowing.
+    ///
+    /// # Errors
+    /// There is no room for one in pcapng.
+    pub fn describe_silent(&mut self) -> io::Result<()> {
+        for index in 0..self.buses.len() {
+            let bus = &self.buses[index];
+            if let (Some(medium), Some(_), []) = (bus.medium, bus.info.clock, &*bus.interfaces) {
+                self.interface(index, medium, 0)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Writes what still waits for a frame that does not come.
     fn settle(&mut self, index: usize) -> io::Result<()> {
         let Some(loss) = self.buses[index].pending.take() else { return Ok(()) };

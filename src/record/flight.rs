@@ -174,3 +174,78 @@ impl Flight {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::ring::Ring;
+    use super::*;
+    use std::path::Path;
+
+    const SECOND: i64 = 1_000_000_000;
+
+    fn at(second: i64) -> Moment {
+        Moment::from_ns(second * SECOND)
+    }
+
+    fn hold(flight: &mut Flight, second: i64, bytes: &[u8]) {
+        let chunk = Chunk { from: at(second), to: at(second), bytes: 0..bytes.len() };
+        flight.hold(&chunk, bytes);
+    }
+
+    /// A flight recorder that keeps 3 s before and 2 s after, hears a byte a second for a minute, and
+    /// is told of these events 3 s after they were. What is in its files, as seconds.
+    fn kept(events: &[i64]) -> Vec<Vec<u8>> {
+        let directory = tempfile::tempdir().unwrap();
+        let mut files = Files::new(directory.path(), Ring::default()).unwrap();
+        let mut flight = Flight::new(Surroundings { before: 3 * SECOND, after: 2 * SECOND });
+        let mut ends = |_| Vec::new();
+        for second in 0..60 {
+            hold(&mut flight, second, &[u8::try_from(second).unwrap()]);
+            flight.write(&[], &mut ends, &mut files).unwrap();
+            if let Some(event) = events.iter().find(|event| **event == second - 3) {
+                flight.event(at(*event), &[], &mut ends, &mut files).unwrap();
+            }
+            flight.decoded(at(second), &mut ends, &mut files).unwrap();
+            assert!(flight.bytes <= 16, "{} are held", flight.bytes);
+        }
+        flight.finish(&mut ends, &mut files).unwrap();
+        contents(directory.path())
+    }
+
+    fn contents(directory: &Path) -> Vec<Vec<u8>> {
+        let mut paths: Vec<_> =
+            std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path()).collect();
+        // The time in a name is that of this test; the number is what orders them.
+        paths.sort_by_key(|path| path.to_string_lossy().rsplit_once('-').unwrap().1.to_owned());
+        paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
+    }
+
+    #[test]
+    fn what_surrounds_an_event_is_kept() {
+        assert_eq!(kept(&[20]), [(17..=22).collect::<Vec<u8>>()]);
+        assert_eq!(kept(&[]), [[0; 0]; 0]);
+        assert_eq!(kept(&[1, 56]), [vec![0, 1, 2, 3], (53..=58).collect()]);
+    }
+
+    #[test]
+    fn surroundings_that_overlap_are_one_file() {
+        assert_eq!(kept(&[20, 21]), [(17..=23).collect::<Vec<u8>>()]);
+        // 22 is the last of the one, and the first of the other.
+        assert_eq!(kept(&[20, 25]), [(17..=27).collect::<Vec<u8>>()]);
+        let apart = kept(&[20, 26]);
+        assert_eq!(apart, [(17..=22).collect::<Vec<u8>>(), (23..=28).collect()]);
+    }
+
+    #[test]
+    fn memory_is_bounded() {
+        let mut flight = Flight::new(Surroundings { before: 3_600 * SECOND, after: 0 });
+        let block = vec![0; 1024 * 1024];
+        for second in 0..70 {
+            assert!(!flight.is_short || second > 60);
+            hold(&mut flight, second, &block);
+            assert!(flight.bytes <= MOST_HELD);
+        }
+        assert!(flight.is_short);
+        assert_eq!(flight.held.front().map(|held| held.from), Some(at(6)));
+    }
+}

@@ -191,6 +191,12 @@ impl Recorder {
         self.composer.settle_all()?;
         self.keep()?;
         let Some(events) = &mut self.events else {
+            if !self.files.is_open() && self.files.finished == 0 {
+                // Nothing was heard, and this is what the file says.
+                self.composer.describe_silent()?;
+                let begin = self.composer.reach();
+                self.files.write(begin, &[], self.composer.heads_and_ends().0)?;
+            }
             self.finish_file()?;
             return Ok(None);
         };

@@ -215,6 +215,23 @@ fn a_can_tap() {
     assert!(compare(can, "size=20k").1 > 2);
 }
 
+#[test]
+fn a_silent_bus_is_recorded_as_such() {
+    let script = || -> Vec<Delivery> {
+        let mut script = can();
+        script.truncate(1);
+        script.push(Box::new(|out| out.silence(0, Moment::from_ns(BEGIN))));
+        script
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let files = record(Box::new(Reading::new(Script(script()))), directory.path(), "");
+    let mut saved = source::open(files[0].to_str().unwrap(), &SourceOptions::default()).unwrap();
+    let bus = saved.next_piece().unwrap();
+    assert!(matches!(bus, Some(Piece::Bus(info, _)) if info.name == "can0"));
+    let end = saved.next_piece().unwrap();
+    assert!(matches!(end, Some(Piece::End(0, at)) if at == Moment::from_ns(BEGIN)));
+}
+
 /// A tap that never knows its ± beforehand.
 fn varying() -> Vec<Delivery> {
     let info = BusInfo::new("can0", Some(Clock::Kernel));

@@ -202,6 +202,27 @@ fn an_event_at_the_very_end_is_kept_and_none_leaves_nothing() {
 }
 
 #[test]
+fn a_write_to_an_encoder_is_an_event() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let capture = here("captures/good-devicenet/errands.log");
+    let arguments = ["record", argument(&capture), "--trigger", "encoder.written"];
+    let window = ["--before", "100ms", "--after", "0s", "-w", argument(&directory)];
+    let run = fieldtap(arguments.into_iter().chain(window)).good();
+    let is_written = |record: &&Value| codes(record).contains(&"encoder.written".to_owned());
+    let all = fieldtap(["read", "--format", "json", argument(&capture)]).good().records();
+    let written = all.iter().filter(is_written).count();
+    assert!(written > 0 && run.stderr.contains(&format!(", {written} event")), "{}", run.stderr);
+    let kept = read(&files(&directory)).good().records();
+    assert!(kept.len() < all.len(), "{} of {}", kept.len(), all.len());
+    // What an answer means may need what came long before; the frames of all writes are there.
+    let stamp = |record: &Value| (record["time_ns"].as_i64(), record["raw"].to_string());
+    for record in all.iter().filter(is_written) {
+        assert!(kept.iter().any(|kept| stamp(kept) == stamp(record)), "{record}");
+    }
+}
+
+#[test]
 fn signals_end_a_recording_well() {
     for signal in ["-INT", "-TERM", "-HUP"] {
         let scratch = Scratch::new();
