@@ -58,8 +58,22 @@ fn memory(child: &Child) -> u64 {
     line.split_whitespace().nth(1).and_then(|kib| kib.parse().ok()).expect("a number")
 }
 
+/// Processor time that the program took so far. The kernel counts it in hundredths of a second.
+fn processor_time(child: &Child) -> Duration {
+    let path = format!("/proc/{}/stat", child.id());
+    let stat = std::fs::read_to_string(path).expect("it runs");
+    let (_, fields) = stat.rsplit_once(") ").expect("its name is in parentheses");
+    // Its own and the system's: fields 14 and 15 of proc(5), of which two are before these.
+    let ticks = fields.split(' ').skip(11).take(2).map(|ticks| ticks.parse::<u64>());
+    Duration::from_millis(10 * ticks.map(|ticks| ticks.expect("a number")).sum::<u64>())
+}
+
 fn interrupt(child: &Child) {
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    signal(child, "-INT");
+}
+
+fn signal(child: &Child, signal: &str) {
+    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status();
     assert!(killed.expect("kill is there").success());
 }
 
@@ -96,7 +110,7 @@ fn slin_at_ten_times_a_full_bus_is_recorded_whole_in_flat_memory() {
     let before = memory(&child);
     let (second, behind) = flood(&line, span() * 3 / 4);
     let after = memory(&child);
-    thread::sleep(Duration::from_millis(200));
+    let took = processor_time(&child);
     interrupt(&child);
     let (stderr, status) = (rest(stderr), child.wait().expect("it ends"));
     assert_eq!(status.code(), Some(0), "{stderr}");
@@ -107,7 +121,7 @@ fn slin_at_ten_times_a_full_bus_is_recorded_whole_in_flat_memory() {
     let heard = told(&stats.stderr, "characters");
     say(&format!(
         "soak: {} characters in {:?}, recorded {heard}, reader behind {behind:?} at most, {before} \
-         KiB after a quarter, {after} KiB at the end",
+         KiB after a quarter, {after} KiB at the end, {took:?} of processor time",
         first + second,
         span()
     ));
@@ -137,4 +151,48 @@ fn a_slow_reader_of_the_trace_costs_no_characters() {
     assert_eq!(child.wait().expect("it ends").code(), Some(130), "{stderr}");
     say(&format!("soak: {sent} characters, {lines} lines, {behind:?} behind at most"));
     assert_eq!(told(&stderr, "characters"), sent, "{stderr}");
+}
+
+/// A machine that was busy has not fetched all that came before Ctrl-C.
+#[test]
+fn what_came_before_the_end_is_heard() {
+    let line = Line::new();
+    let source = format!("serial:{}", line.port);
+    let arguments = ["read", &source, "--baud", "115200", "--protocol", "slin"];
+    let mut child = start(&arguments, Stdio::null());
+    let stderr = wait_until_it_listens(&mut child);
+    signal(&child, "-STOP");
+    let sent = line.put(&EXCHANGE.repeat(4000)) as u64;
+    signal(&child, "-INT");
+    signal(&child, "-CONT");
+    let stderr = rest(stderr);
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{stderr}");
+    assert!(sent > 10_000, "a pseudo terminal holds more than {sent}");
+    assert_eq!(told(&stderr, "characters"), sent, "{stderr}");
+}
+
+/// From the line to a printed line: under 5 ms at the median on an idle machine; this one may be busy.
+#[test]
+fn what_is_heard_is_printed_soon() {
+    let line = Line::new();
+    let source = format!("serial:{}", line.port);
+    let arguments = ["read", &source, "--baud", "115200", "--protocol", "uart"];
+    let mut child = start(&arguments, Stdio::piped());
+    let stderr = wait_until_it_listens(&mut child);
+    let mut trace = BufReader::new(child.stdout.take().expect("it is piped"));
+    let mut waits: Vec<Duration> = Vec::new();
+    for _ in 0..200 {
+        let begin = Instant::now();
+        line.put(&[0x55]);
+        trace.read_line(&mut String::new()).expect("it prints");
+        waits.push(begin.elapsed());
+        thread::sleep(Duration::from_millis(3));
+    }
+    interrupt(&child);
+    let stderr = rest(stderr);
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{stderr}");
+    waits.sort();
+    let (median, most) = (waits[waits.len() / 2], waits[waits.len() - 1]);
+    say(&format!("soak: printed after {median:?} at the median, {most:?} at most"));
+    assert!(median < Duration::from_millis(50), "{median:?}");
 }
