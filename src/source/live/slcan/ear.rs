@@ -271,7 +271,7 @@ mod tests {
                 Piece::Heard(_, Event::Lost(loss)) => said.push(format!("lost {:?}", loss.count)),
                 Piece::Heard(_, Event::Advance(_)) => said.push("silence".to_owned()),
                 Piece::Warning(warning) => said.push(warning.to_string()),
-                Piece::Note(note) => said.push(note),
+                Piece::Note(note) => said.push(note.to_owned()),
                 _ => panic!("nothing else is said"),
             }
         }
