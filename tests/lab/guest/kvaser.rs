@@ -58,7 +58,7 @@ fn kvaser_what_the_controller_had_no_room_for_is_told() {
     master.send(0..COUNT);
     thread::sleep(Duration::from_millis(500));
     master.send_to(&ours, COUNT..COUNT + 10);
-    tap.wait_until("the end", |tap| numbers(&tap.records()).last() == Some(&(COUNT + 9)));
+    tap.wait_until("the end", |tap| numbers(&tap.last()) == [COUNT + 9]);
     let run = tap.stop();
 
     let heard = numbers(&run.records).len() as u64;
@@ -75,7 +75,7 @@ fn kvaser_whoever_allows_it_listens_on_an_active_one() {
     let ours = Interface::card("can1", false);
     let before = sent(&ours);
     let mut tap = Tap::listen(&[&ARGUMENTS[..], &["--allow-active"]].concat(), "NOT listen-only");
-    master.send(0..10);
+    master.send_to(&ours, 0..10);
     tap.wait_for(10, "frame");
     assert_eq!(numbers(&tap.stop().records), Vec::from_iter(0..10));
     assert_eq!(sent(&ours), before, "packets, bytes, dropped, errors");

@@ -107,6 +107,18 @@ impl Tap {
         whole.map(|line| serde_json::from_str(line).expect(line)).collect()
     }
 
+    /// The last of them.
+    pub fn last(&self) -> Vec<Value> {
+        let text = self.stdout();
+        let (whole, _) = text.rsplit_once('\n').unwrap_or_default();
+        whole
+            .lines()
+            .last()
+            .map(|line| serde_json::from_str(line).expect(line))
+            .into_iter()
+            .collect()
+    }
+
     fn stdout(&self) -> String {
         fs::read_to_string(&self.stdout).expect("it is there")
     }
