@@ -13,10 +13,14 @@ mod endings;
 mod extcap;
 mod harness;
 mod healthy;
+#[cfg(target_os = "linux")]
+mod line;
 mod lines;
 mod live;
 #[cfg(target_os = "linux")]
 mod live_can;
+#[cfg(target_os = "linux")]
+mod passive;
 mod peers;
 mod process_words;
 mod real_captures;
@@ -32,6 +36,8 @@ mod serial;
 mod set_ups;
 mod simulate;
 mod snapshots;
+#[cfg(target_os = "linux")]
+mod soak;
 mod streams;
 mod telegrams;
 mod truth;

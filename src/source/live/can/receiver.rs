@@ -214,16 +214,18 @@ pub mod tests {
     }
 
     /// A frame of eight bytes is 111 bits without stuffing, and so a full bus of 500 kbit/s has
-    /// 4505 a second. Ten times that, for a second.
+    /// 4504 a second. Ten times that, for a second, or for as many as `FIELDTAP_SOAK` says.
     #[test]
     fn ten_times_a_full_bus_comes_whole_in_order_and_with_stamps() {
-        const SECOND: u32 = 500_000 / 111;
-        const COUNT: u32 = 10 * SECOND;
+        const SECOND: u32 = 10 * (500_000 / 111);
+        let soak = std::env::var("FIELDTAP_SOAK").ok();
+        let seconds: u32 = soak.map_or(1, |seconds| seconds.parse().expect("seconds"));
+        let count = SECOND * seconds;
         let (near, mut receiver) = pair();
         let sender = thread::spawn(move || {
             let begin = Instant::now();
-            for number in 0..COUNT {
-                while begin.elapsed() < Duration::from_secs(1) * number / COUNT {
+            for number in 0..count {
+                while begin.elapsed() < Duration::from_secs(1) * number / SECOND {
                     thread::sleep(Duration::from_micros(500));
                 }
                 near.send(&frame(number)).expect("there is a reader");
@@ -231,7 +233,8 @@ pub mod tests {
         });
         let (mut next, mut last) = (0, Moment::UNKNOWN);
         let begin = Instant::now();
-        while next < COUNT && begin.elapsed() < Duration::from_secs(30) {
+        let patience = Duration::from_secs(30 + u64::from(seconds));
+        while next < count && begin.elapsed() < patience {
             receiver.receive().expect("the socket lives");
             for received in receiver.heard() {
                 let stamp = received.remarks.stamp;
@@ -242,7 +245,8 @@ pub mod tests {
                 (next, last) = (next + 1, stamp);
             }
         }
-        assert_eq!(next, COUNT);
+        assert_eq!(next, count);
+        println!("soak: {count} frames in {:?}, none lost", begin.elapsed());
         sender.join().expect("it sent all of them");
         assert_eq!(receiver.drops(), Some(0));
     }

@@ -46,6 +46,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// What is read at once at most: what a tty holds.
 const BUFFER: usize = 4096;
 
+/// What the kernel holds for a port that is not read: 64 KiB, and what its line discipline has.
+const QUEUE: usize = 72 << 10;
+
 /// How often the counters are looked at while nothing comes.
 const COUNTING: Duration = Duration::from_secs(1);
 
@@ -199,7 +202,17 @@ impl Serial {
         Ok(())
     }
 
-    /// The same while the rate is looked for.
+    /// What came while somebody listened, and was not read. A port that goes on and on is not
+    /// listened to for longer than that.
+    fn hear_what_is_queued(&mut self, out: &mut Outbox) {
+        let Some(port) = &mut self.port else { return };
+        for _ in 0..QUEUE / BUFFER {
+            let Ok(count @ 1..) = port.read(&mut self.buffer, Duration::ZERO) else { return };
+            self.hearing.hear(&self.buffer[..count], now(), &Default::default(), out);
+        }
+    }
+
+    /// Listens while the rate is looked for.
     fn look_for_rate(&mut self, mut seek: Seek, out: &mut Outbox) -> Result<(), io::Error> {
         let listened = self.listen(seek.outbox());
         if listened.is_err() {
@@ -315,6 +328,7 @@ impl Tap for Serial {
         if let Some(seek) = self.seek.take() {
             self.settle(seek, out);
         }
+        self.hear_what_is_queued(out);
         let now = now();
         if let Some(port) = self.port.take() {
             let news = self.tally.advance(port.counters());

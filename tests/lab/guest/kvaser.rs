@@ -1,0 +1,82 @@
+//! Two CAN cards on one bus: listening must not be taking part.
+
+use super::can::{Interface, numbers};
+use super::tap::{Tap, lost, of_kind};
+use std::thread;
+use std::time::Duration;
+
+const ARGUMENTS: [&str; 3] = ["can:can1", "--protocol", "can"];
+
+/// What the kernel counted as sent on an interface, whether it left it or not.
+fn sent(interface: &Interface) -> [u64; 4] {
+    ["tx_packets", "tx_bytes", "tx_dropped", "tx_errors"].map(|of| interface.count(of))
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn kvaser_an_interface_that_acknowledges_is_refused() {
+    let active = Interface::card("can1", false);
+    let run = Tap::start(&ARGUMENTS).ends();
+    assert_eq!(run.status, Some(3), "{}", run.stderr);
+    let command = "ip link set can1 type can bitrate 500000 listen-only on";
+    assert!(run.stderr.contains(command), "{}", run.stderr);
+    assert!(run.stderr.contains("--allow-active"), "{}", run.stderr);
+    assert_eq!(sent(&active), [0; 4]);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn kvaser_listening_sends_nothing() {
+    const COUNT: u32 = 500;
+    let master = Interface::card("can0", false);
+    let ours = Interface::card("can1", true);
+    let before = sent(&ours);
+    let heard_before = ours.count("rx_packets");
+    let mut tap = Tap::listen(&ARGUMENTS, "listen-only");
+    master.send_to(&ours, 0..COUNT);
+    tap.wait_for(COUNT as usize, "frame");
+    let run = tap.stop();
+
+    assert_eq!(numbers(&run.records), Vec::from_iter(0..COUNT));
+    assert_eq!(lost(&run.records), 0);
+    let frames = of_kind(&run.records, "frame");
+    assert!(frames.iter().all(|frame| frame["can"]["direction"] == "rx"), "{:?}", frames[0]);
+    assert!(run.stderr.contains("500000 bit/s"), "{}", run.stderr);
+    assert_eq!(ours.count("rx_packets") - heard_before, u64::from(COUNT));
+    assert_eq!(sent(&ours), before, "packets, bytes, dropped, errors");
+}
+
+/// The card's queue holds 64 bytes. How many frames an overrun is nobody knows.
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn kvaser_what_the_controller_had_no_room_for_is_told() {
+    const COUNT: u32 = 5000;
+    let master = Interface::card("can0", false);
+    let ours = Interface::card("can1", true);
+    let before = ours.count("rx_over_errors");
+    let mut tap = Tap::listen(&ARGUMENTS, "listen-only");
+    master.send(0..COUNT);
+    thread::sleep(Duration::from_millis(500));
+    master.send_to(&ours, COUNT..COUNT + 10);
+    tap.wait_until("the end", |tap| numbers(&tap.last()) == [COUNT + 9]);
+    let run = tap.stop();
+
+    let heard = numbers(&run.records).len() as u64;
+    let overruns = ours.count("rx_over_errors") - before;
+    assert_eq!(heard < u64::from(COUNT) + 10, overruns > 0);
+    let tells = |record: &serde_json::Value| record["findings"].to_string().contains("can.dropped");
+    assert_eq!(run.records.iter().filter(|record| tells(record)).count() as u64, overruns);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn kvaser_whoever_allows_it_listens_on_an_active_one() {
+    let master = Interface::card("can0", false);
+    let ours = Interface::card("can1", false);
+    let before = sent(&ours);
+    let mut tap = Tap::listen(&[&ARGUMENTS[..], &["--allow-active"]].concat(), "NOT listen-only");
+    master.send_to(&ours, 0..10);
+    tap.wait_for(10, "frame");
+    assert_eq!(numbers(&tap.stop().records), Vec::from_iter(0..10));
+    assert_eq!(sent(&ours), before, "packets, bytes, dropped, errors");
+}

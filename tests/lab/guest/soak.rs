@@ -1,0 +1,75 @@
+//! CAN at the pace of a full bus and beyond, recorded: nothing is lost, and memory stays flat.
+
+use super::can::Interface;
+use super::tap::Tap;
+use std::fs;
+use std::time::Duration;
+
+/// Frames of eight bytes are 111 bits without stuffing: so many a second fill a bus of 500 kbit/s.
+/// Without optimizations an emulated machine takes a quarter of that at best.
+const FULL: u32 = if cfg!(debug_assertions) { 1000 } else { 500_000 / 111 };
+
+/// What a program may grow by once it runs, in KiB: what its allocator keeps in hand.
+const GROWTH: u64 = 4096;
+
+/// `FIELDTAP_SOAK` is how many seconds it may take.
+fn span() -> Duration {
+    let seconds = std::env::var("FIELDTAP_SOAK").ok();
+    Duration::from_secs(seconds.map_or(4, |seconds| seconds.parse().expect("seconds")))
+}
+
+/// The last lines of a recording.
+fn recorded(tape: &str) -> String {
+    let files = fs::read_dir(tape).expect("it was recorded");
+    let files: Vec<String> = files
+        .map(|file| file.expect("it is there").path().to_str().expect("UTF-8").to_owned())
+        .collect();
+    let mut arguments = vec!["stats", "--protocol", "can"];
+    arguments.extend(files.iter().map(String::as_str));
+    Tap::run(&arguments).ends().stderr
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn soak_a_full_can_bus_is_recorded_whole_in_flat_memory() {
+    let bus = Interface::virtual_one("vcan0");
+    let mut tap = Tap::run(&["record", "can:vcan0", "-w", "/tmp/full"]);
+    tap.wait_for_words("virtual");
+    let first = bus.send_at(FULL, span() / 4);
+    let before = tap.memory();
+    let second = bus.send_at(FULL, span() * 3 / 4);
+    let after = tap.memory();
+    let run = tap.stop();
+    assert_eq!(run.status, Some(0), "{}", run.stderr);
+    let told = recorded("/tmp/full");
+    println!("{} frames at {FULL}/s; {before} KiB, at the end {after} KiB", first + second);
+    assert!(told.contains(&format!(" {} frames", first + second)), "{told}{}", run.stderr);
+    assert!(!told.contains("loss"), "{told}");
+    assert!(after <= before + GROWTH, "{before} KiB, then {after} KiB");
+    fs::remove_dir_all("/tmp/full").expect("it is there");
+}
+
+/// However many are still queued when the user ends it.
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn soak_what_is_queued_at_the_end_is_recorded() {
+    let bus = Interface::virtual_one("vcan0");
+    let rates: &[u32] = match std::env::var_os("FIELDTAP_SOAK") {
+        Some(_) => &[10_000, 20_000, 40_000, 80_000],
+        None => &[20_000],
+    };
+    for &rate in rates {
+        let tape = format!("/tmp/{rate}");
+        let mut tap = Tap::run(&["record", "can:vcan0", "-w", &tape]);
+        tap.wait_for_words("virtual");
+        let sent = bus.send_at(rate, Duration::from_secs(2));
+        let run = tap.stop();
+        assert_eq!(run.status, Some(0), "{}", run.stderr);
+        let told = recorded(&tape);
+        let line = told.lines().find(|line| line.starts_with("LINE")).expect("it ends well");
+        println!("{sent} frames sent in 2 s at {rate}/s at most: {line}");
+        assert!(line.contains(&format!(" {sent} frames")), "{told}{}", run.stderr);
+        assert!(!told.contains("loss"), "{told}");
+        fs::remove_dir_all(&tape).expect("it is there");
+    }
+}
