@@ -31,7 +31,7 @@ fn an_eds_lays_out_the_data_of_its_device() {
     let records = run.records();
     let member = json!([{"name": "Net", "value": 46.6, "unit": "kg"}]);
     assert_eq!(records[5]["devicenet"]["io"]["members"], member);
-    assert_eq!(records[5]["summary"], "23 answers the poll in 1.00 ms: Net 46.60 kg");
+    assert_eq!(records[5]["summary"], "23 answers the poll: Net 46.60 kg in 1.00 ms");
     let mismatch = &records[7]["findings"][0];
     assert_eq!(mismatch["code"], "devicenet.size-mismatch");
     assert_eq!(mismatch["message"], "poll connection of 23 carries 6 bytes, per EDS 4");
