@@ -16,7 +16,7 @@ const SHOWN: usize = 8;
 
 /// Characters of a station's name that a sentence shows at most: a line of 100 columns then has the
 /// position, too.
-const NAME: usize = 10;
+const NAME: usize = 8;
 
 impl Layer for Message<'_> {
     fn get(&self, field: FieldId) -> Value<'_> {
@@ -221,7 +221,7 @@ impl Message<'_> {
             kind::POLL_RESPONSE => (Some(from), " answers the poll", None),
             kind::STROBE_COMMAND => (Some(from), " strobes its slaves", None),
             kind::STROBE_RESPONSE if !answers => (Some(from), " sends a strobe response", None),
-            kind::STROBE_RESPONSE => (Some(from), " answers the strobe", None),
+            kind::STROBE_RESPONSE => (Some(from), " answers a strobe", None),
             kind::MULTICAST_POLL_COMMAND => (None, "multicast poll", None),
             kind::MULTICAST_POLL_RESPONSE if !answers => {
                 (Some(from), " sends a multicast poll response", None)
