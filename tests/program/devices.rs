@@ -31,7 +31,7 @@ fn an_eds_lays_out_the_data_of_its_device() {
     let records = run.records();
     let member = json!([{"name": "Net", "value": 46.6, "unit": "kg"}]);
     assert_eq!(records[5]["devicenet"]["io"]["members"], member);
-    assert_eq!(records[5]["summary"], "23 answers the poll in 1.00 ms: Net 46.60 kg");
+    assert_eq!(records[5]["summary"], "23 answers the poll: Net 46.60 kg in 1.00 ms");
     let mismatch = &records[7]["findings"][0];
     assert_eq!(mismatch["code"], "devicenet.size-mismatch");
     assert_eq!(mismatch["message"], "poll connection of 23 carries 6 bytes, per EDS 4");
@@ -63,7 +63,7 @@ fn names_and_turns_of_stations_stand_beside_their_numbers() {
     for record in run.records().iter().filter(|record| record["kind"] == "poll-response") {
         let (told, summary) = (&record["devicenet"], record["summary"].as_str().expect("text"));
         assert_eq!(told["name"], "lift axis");
-        assert!(summary.starts_with("23 (lift axis) answers the poll"), "{summary}");
+        assert!(summary.starts_with("23 (lift ax…) answers the poll"), "{summary}");
         let Some(position) = told["io"]["position"].as_u64() else { continue };
         assert_eq!(told["io"]["turns"].as_u64(), Some(position / 8192), "{summary}");
         let angle = (position % 8192) as f64 * 360.0 / 8192.0;
@@ -71,4 +71,15 @@ fn names_and_turns_of_stations_stand_beside_their_numbers() {
         judged += 1;
     }
     assert!(judged > 50, "{judged}");
+    // A name may be long: 100 columns have the position none the less.
+    let named = "[station.23]\nname = \"hoist of the north gantry\"\n";
+    let stations = scratch.file("named.toml", named);
+    let arguments = ["read", "--stations", argument(&stations), argument(&capture)];
+    let text = fieldtap(arguments).good().stdout;
+    let begins = "23 (hoist o…) answers the poll: position ";
+    let told = text.lines().filter_map(|line| line.split_once(begins));
+    let told: Vec<&str> = told.map(|(_, position)| position).collect();
+    // Positions of 29 bits have up to nine digits.
+    let is_whole = |it: &&str| it.bytes().position(|byte| !byte.is_ascii_digit()) == Some(9);
+    assert!(told.len() > 50 && told.iter().all(is_whole), "{text}");
 }

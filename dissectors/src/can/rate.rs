@@ -16,39 +16,85 @@ const LONGEST_NS: i64 = 1_000_000_000;
 /// Frames that must follow the one before without a pause.
 const ENOUGH: usize = 4;
 
-/// The rate at which frames follow each other without a pause, with the evidence. Stamps are those
-/// of the frames' starts or ends, whichever: then the frame before or this one fills the spacing.
-/// `None` where too few do, or the clock is too coarse to tell.
+/// Which moment of a frame its stamp is: then the frame before fills the spacing, or this one.
+#[derive(Clone, Copy)]
+enum Stamped {
+    Start,
+    End,
+}
+
+/// Two frames one after the other: what their stamps are apart, and the bits that may fill that.
+struct Spacing {
+    ns: i64,
+    bits: u32,
+    /// The ± of both stamps.
+    uncertainty: i64,
+}
+
+impl Spacing {
+    fn between(before: &Frame, this: &Frame, stamped: Stamped) -> Option<Self> {
+        let ns = this.start.since(before.start).filter(|ns| (1..LONGEST_NS).contains(ns))?;
+        let (before_bits, this_bits) = (before.bits()?, this.bits()?);
+        let bits = match stamped {
+            Stamped::Start => before_bits,
+            Stamped::End => this_bits,
+        };
+        let uncertainty = i64::from(before.uncertainty) + i64::from(this.uncertainty);
+        Some(Spacing { ns, bits: u32::from(bits), uncertainty })
+    }
+
+    /// How much longer it is than the frame at a rate, in percent of that; `None` where the stamps
+    /// are too coarse to tell.
+    fn excess(&self, rate: Baud) -> Option<i64> {
+        let frame = rate.bits_ns(self.bits).cast_signed();
+        let is_fine = self.uncertainty * 100 <= frame * TOLERANCE;
+        is_fine.then_some(((self.ns - frame) * 100).div_euclid(frame))
+    }
+}
+
+/// The rate at which frames follow each other without a pause, with the evidence. `None` where too
+/// few do, or the clock is too coarse to tell: a wrong rate is worse than none.
 pub(crate) fn bitrate_from_spacing(frames: &[Frame]) -> Option<(Baud, String)> {
-    let spacings: Vec<(i64, i64)> = frames
-        .windows(2)
-        .filter_map(|pair| {
-            let ns =
-                pair[1].start.since(pair[0].start).filter(|ns| (1..LONGEST_NS).contains(ns))?;
-            let [before, this] = [&pair[0], &pair[1]].map(|frame| frame.bits().map(i64::from));
-            Some((ns, before?.min(this?)))
-        })
-        .collect();
-    let is_near = |ns: i64, target: i64| (ns - target).abs() * 100 <= target * TOLERANCE;
-    let fits = |rate: &u32| {
-        let baud = Baud::new(*rate)?;
-        let target = |bits: i64| baud.bits_ns(bits as u32).cast_signed();
-        let near = || spacings.iter().filter(|(ns, bits)| is_near(*ns, target(*bits)));
-        let close = near().count();
-        // A cycle time may happen to be the length of some frames, but not of long and short ones.
-        let lengths = || near().map(|(_, bits)| *bits);
-        let (shortest, longest) = (lengths().min()?, lengths().max()?);
-        let is_varied = (longest - shortest) * 100 > shortest * 4 * TOLERANCE;
-        if !is_varied && close * 2 < spacings.len() {
-            return None;
-        }
-        let impossible =
-            spacings.iter().filter(|(ns, bits)| *ns * 100 < target(*bits) * (100 - TOLERANCE));
-        (close >= ENOUGH && impossible.count() * 20 <= close).then_some((baud, close))
-    };
-    let (baud, close) = RATES.iter().filter_map(fits).max_by_key(|(_, close)| *close)?;
+    let fits = [Stamped::Start, Stamped::End].into_iter().flat_map(|stamped| {
+        let between = |pair: &[Frame]| Spacing::between(&pair[0], &pair[1], stamped);
+        let spacings: Vec<Spacing> = frames.windows(2).filter_map(between).collect();
+        let rates = RATES.into_iter().filter_map(Baud::new);
+        rates.filter_map(move |rate| Some((rate, fit(&spacings, rate)?)))
+    });
+    let (baud, close) = fits.max_by_key(|(_, close)| *close)?;
     let all = frames.len() - 1;
     Some((baud, format!("{close} of {all} frames follow the one before without a pause")))
+}
+
+/// How many spacings are a frame long at this rate, if that is no chance.
+fn fit(spacings: &[Spacing], rate: Baud) -> Option<usize> {
+    let (mut lengths, mut rests, mut shorter, mut longer) = (Vec::new(), Vec::new(), 0, 0);
+    for spacing in spacings {
+        match spacing.excess(rate) {
+            Some(excess) if excess < -TOLERANCE => shorter += 1,
+            Some(excess) if excess < TOLERANCE => {
+                let length = rate.bits_ns(spacing.bits).cast_signed();
+                lengths.push(length);
+                rests.push(spacing.ns - length);
+            }
+            Some(excess) if excess < 3 * TOLERANCE => longer += 1,
+            _ => {}
+        }
+    }
+    let close = lengths.len();
+    // A cycle time or the clock of an adapter may happen to be the length of some frames: but then
+    // it stays as it is, be the frame a bit longer or shorter.
+    let follows_length = spread(lengths)? > 3 * spread(rests)?;
+    // No frame is shorter than it is; and where stamps are smeared, as many are a little longer.
+    let is_sharp = shorter * 20 <= close && longer <= close;
+    (close >= ENOUGH && follows_length && is_sharp).then_some(close)
+}
+
+/// How far values are apart, a few outliers left out.
+fn spread(mut values: Vec<i64>) -> Option<i64> {
+    values.sort_unstable();
+    let left_out = (values.len() / 10).max(1);
+    Some(values.iter().nth_back(left_out)? - values.get(left_out)?)
 }
 
 /// Frames that are looked at together.
@@ -96,17 +142,126 @@ mod tests {
     use super::*;
     use crate::event::Moment;
 
+    /// Frames of 48 bits and of 125, with the intermission: 42D without data, 34A with eight zeros.
+    const SHORT: (u16, &[u8], i64) = (0x42D, &[], 48);
+    const LONG: (u16, &[u8], i64) = (0x34A, &[0; 8], 125);
+
+    fn frame(ns: i64, (id, data, _): (u16, &[u8], i64)) -> Frame {
+        Frame::data(Moment::from_ns(ns), 1_000, Identifier::Standard(id), data)
+    }
+
+    fn found(frames: &[Frame]) -> Option<u32> {
+        bitrate_from_spacing(frames).map(|(baud, _)| baud.get())
+    }
+
     #[test]
     fn frames_without_a_pause_tell_the_rate() {
-        // 42D without data takes 48 bits with the intermission: 384 µs at 125 kbit/s.
         for (bit_ns, rate) in [(8_000, Some(125_000)), (2_000, Some(500_000)), (2_700, None)] {
-            let frames: Vec<Frame> = (0..8)
+            let (mut starts, mut ends, mut now) = (Vec::new(), Vec::new(), 0);
+            for n in 0..9 {
+                let what = if n % 2 == 0 { SHORT } else { LONG };
+                starts.push(frame(now, what));
+                now += what.2 * bit_ns;
+                ends.push(frame(now, what));
+                now += if n == 7 { 1_000_000 } else { 0 };
+            }
+            assert_eq!([found(&starts), found(&ends)], [rate, rate]);
+        }
+    }
+
+    /// Four slaves are polled every 12 ms at 125 kbit/s, and answer at once or somewhat later; what
+    /// is asked of them besides waits until the bus is free.
+    fn polls(seed: u64) -> Vec<Frame> {
+        let (mut now, mut next, mut frames) = (0, Dice(seed), Vec::new());
+        for cycle in 0.. {
+            now = now.max(cycle * 12_000_000);
+            for slave in 0..4 {
+                frames.push(frame(now, SHORT));
+                now += SHORT.2 * 8_000 + 40_000 + slave * 35_000 + next.below(20_000);
+                let position = next.below(1 << 29).to_le_bytes();
+                let answer = frame(now, (0x3C1, &position[..4], 0));
+                frames.push(answer);
+                now += i64::from(answer.bits().unwrap_or_default()) * 8_000;
+                now += if next.below(2) == 0 { 0 } else { next.below(900_000) };
+                if frames.len() >= 256 {
+                    return frames;
+                }
+            }
+        }
+        frames
+    }
+
+    /// Numbers that are the same at every run: Marsaglia's xorshift.
+    struct Dice(u64);
+
+    impl Dice {
+        fn below(&mut self, limit: i64) -> i64 {
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 7;
+            self.0 ^= self.0 << 17;
+            (self.0 % limit.unsigned_abs()) as i64
+        }
+    }
+
+    /// Adapters hand frames over in bunches, or late by what the computer does besides.
+    #[test]
+    fn stamps_of_a_computer_tell_no_wrong_rate() {
+        for (model, tells) in [
+            // The hardware's: a microsecond.
+            (0, true),
+            // Read every millisecond, every 125 µs of USB, every 16 ms; late by up to 50 µs, by up
+            // to 1 ms; in bunches of frames 110 to 120 µs apart.
+            (1, false),
+            (2, false),
+            (3, false),
+            (4, false),
+            (5, false),
+            (6, false),
+        ] {
+            let mut told = 0;
+            for seed in 1..100 {
+                let (mut dice, mut last) = (Dice(seed), 0);
+                let bunched = |now: i64, every: i64, last: i64, apart: i64| {
+                    let read = (now + every - 1) / every * every;
+                    if read > last { read } else { last + apart }
+                };
+                let stamped: Vec<Frame> = polls(seed * 977)
+                    .into_iter()
+                    .map(|mut frame| {
+                        let now = frame.start.ns().unwrap_or_default();
+                        last = match model {
+                            1 => bunched(now, 1_000_000, last, 3_000),
+                            2 => bunched(now, 125_000, last, 3_000) + dice.below(5_000),
+                            3 => bunched(now, 16_000_000, last, 3_000 + dice.below(300_000)),
+                            4 => last.max(now + dice.below(50_000)) + 1_000,
+                            5 => last.max(now + dice.below(1_000_000)) + 1_000,
+                            6 => bunched(now, 4_000_000, last, 110_000 + dice.below(10_000)),
+                            _ => now,
+                        };
+                        frame.start = Moment::from_ns(last);
+                        frame
+                    })
+                    .collect();
+                let rate = found(&stamped);
+                assert!(matches!(rate, None | Some(125_000)), "{model} {seed}: {rate:?}");
+                told += usize::from(rate.is_some());
+            }
+            assert!(!tells || told > 95, "{model}: {told}");
+        }
+    }
+
+    /// One slave whose answer begins as late as makes the poll a frame of another rate.
+    #[test]
+    fn an_answer_that_comes_in_time_for_another_rate_tells_none() {
+        for late in (0..1_000).step_by(3) {
+            let frames: Vec<Frame> = (0..250)
                 .map(|n| {
-                    let start = Moment::from_ns(n * 48 * bit_ns + i64::from(n == 7) * 1_000_000);
-                    Frame::data(start, 1_000, Identifier::Standard(0x42D), &[])
+                    let poll = n / 2 * 10_000_000;
+                    let answer = poll + SHORT.2 * 2_000 + late * 1_000;
+                    if n % 2 == 0 { frame(poll, SHORT) } else { frame(answer, LONG) }
                 })
                 .collect();
-            assert_eq!(bitrate_from_spacing(&frames).map(|(baud, _)| baud.get()), rate);
+            assert_eq!(found(&frames).filter(|rate| *rate != 500_000), None, "{late} µs");
         }
     }
 

@@ -3,8 +3,9 @@
 use super::{ErrorClasses, ErrorDetail, Frame, FrameKind, Load, codes};
 use crate::event::Moment;
 use crate::finding::Finding;
-use crate::uart::Wire;
+use crate::uart::{Baud, Wire};
 use alloc::vec::Vec;
+use core::ops::RangeInclusive;
 
 /// A bus is highly loaded above this, in permille, and no more below the other.
 const HIGH: u16 = 800;
@@ -14,8 +15,13 @@ const NO_LONGER_HIGH: u16 = 700;
 /// once, for ever.
 const REPEATS: u32 = 8;
 
-/// Repeats follow within this where the rate is not known, in ns: a frame of 135 bits at 125 kbit/s.
-const LONGEST_FRAME_NS: i64 = 1_080_000;
+/// The rates at which frames may be repeated where the rate is not known: those of DeviceNet.
+const RATES: [u32; 3] = [125_000, 250_000, 500_000];
+
+/// Bits by which a repeat begins later than the frame is long: after the acknowledge slot come six
+/// of the error flag and eight of its delimiter instead of eight of the frame's end; and eight more
+/// if the sender is error passive (CAN 2.0, part A §3.1.1, §3.1.3 and §8). And two for the stamps.
+const ERROR_BITS: RangeInclusive<u32> = 4..=16;
 
 /// So many error frames, and not one good frame, mean that the tap listens at another rate.
 const ERRORS_ALONE: u32 = 16;
@@ -140,12 +146,9 @@ impl Watch {
                 && frame.kind == FrameKind::Data
                 && frame.is_acknowledged != Some(true)
                 && last.bytes() == frame.bytes();
-            let longest = match (bits, self.wire.baud()) {
-                // And a little for the delimiter and the intermission after an error.
-                (Some(bits), Some(rate)) => rate.bits_ns(u32::from(bits) * 3 / 2).cast_signed(),
-                _ => LONGEST_FRAME_NS,
-            };
-            same && frame.start.since(last.start).is_some_and(|ns| (1..=longest).contains(&ns))
+            same && frame.start.since(last.start).zip(bits).is_some_and(|(ns, bits)| {
+                ns > 0 && self.may_repeat(ns.unsigned_abs(), u32::from(bits))
+            })
         });
         self.repeats = if is_repeat { self.repeats.saturating_add(1) } else { 0 };
         self.last = Some(*frame);
@@ -154,6 +157,19 @@ impl Watch {
             findings.push(finding.actual(i64::from(REPEATS)));
         } else if frame.is_acknowledged == Some(false) {
             findings.push(finding);
+        }
+    }
+
+    /// Whether a frame of so many bits may be sent again at once after so many ns. Where the rate is
+    /// not known, the same may as well come once a millisecond because somebody asks for it.
+    fn may_repeat(&self, ns: u64, bits: u32) -> bool {
+        match self.wire.baud() {
+            // And a little for the delimiter and the intermission after an error.
+            Some(rate) => ns <= rate.bits_ns(bits * 3 / 2),
+            None => RATES.into_iter().filter_map(Baud::new).any(|rate| {
+                let [least, most] = [ERROR_BITS.start(), ERROR_BITS.end()];
+                (rate.bits_ns(bits + least)..=rate.bits_ns(bits + most)).contains(&ns)
+            }),
         }
     }
 
@@ -181,7 +197,7 @@ impl Watch {
 mod tests {
     use super::super::{Identifier, Violation};
     use super::*;
-    use crate::uart::{Baud, Format};
+    use crate::uart::Format;
 
     fn watch() -> Watch {
         Watch::new(Wire::new(Baud::new(125_000), Format::FT12))
@@ -208,6 +224,24 @@ mod tests {
             (0..10).map(|n| codes(&mut watch, &frame(n, is_acknowledged)).len()).sum::<usize>()
         };
         assert_eq!([told(Some(true)), told(None), told(Some(false))], [0, 1, 10]);
+    }
+
+    #[test]
+    fn where_the_rate_is_not_known_a_fast_cycle_is_no_repeat() {
+        // A poll of four bytes, 89 bits, every millisecond: 500 kbit/s, which nobody knows. And the
+        // same sent again at once at 125 kbit/s: an error flag makes that 6 bits more.
+        let told = |apart_ns: i64| {
+            let mut watch = Watch::new(Wire::new(None, Format::FT12));
+            let poll = |n: i64| {
+                let start = Moment::from_ns(n * apart_ns);
+                Frame::data(start, 1_000, Identifier::Standard(0x3C0), &[0; 4])
+            };
+            (0..10).map(|n| codes(&mut watch, &poll(n)).len()).sum::<usize>()
+        };
+        assert_eq!(
+            [1_000_000, 500_000, (89 + 6) * 8_000, (89 + 6) * 2_000].map(told),
+            [0, 0, 1, 1]
+        );
     }
 
     #[test]

@@ -297,7 +297,8 @@ impl Ledger {
     /// A master strobes its slaves: a bit for each, in eight bytes.
     pub fn strobe_command(&mut self, now: &Now<'_>, master: MacId, facts: &mut Facts) {
         (facts.kind, facts.link) = (kind::STROBE_COMMAND, Some(Link::Strobe));
-        (facts.source, facts.station) = (Some(master), Some(master));
+        // It is no slave's record, but all slaves'.
+        facts.source = Some(master);
         facts.blame((now.data.len() != 8).then_some(Defect::Length));
         self.show(now, facts);
         self.strobes[master.index()] = Some(now.mark);

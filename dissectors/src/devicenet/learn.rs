@@ -169,7 +169,7 @@ impl Ledger {
                 self.release(now, slave, CHOICES[instance.index()]);
             }
             (Some(code), Some(class::IDENTITY), Some(_)) if target.instance == Some(1) => {
-                self.identified(slave, code, target.attribute, body);
+                self.identified(slave, now.mark.start, (code, target.attribute, body));
             }
             (Some(code), Some(ACKNOWLEDGE_HANDLER), _) if target.attribute == Some(1) => {
                 let value = if code == service::GET { body } else { request.data() };
@@ -182,19 +182,24 @@ impl Ledger {
     }
 
     /// What the Identity object says of the numbers that the duplicate MAC ID check has too.
-    fn identified(&mut self, slave: MacId, code: u8, attribute: Option<u16>, body: &[u8]) {
+    fn identified(
+        &mut self,
+        slave: MacId,
+        now: Moment,
+        (code, attribute, body): (u8, Option<u16>, &[u8]),
+    ) {
         let node = self.node(slave);
         match (code, attribute, body) {
             (service::GET, Some(1), [low, high]) => {
-                node.tell_identity(Some(u16::from_le_bytes([*low, *high])), None);
+                node.tell_identity(Some(u16::from_le_bytes([*low, *high])), None, now);
             }
             (service::GET, Some(6), [a, b, c, d]) => {
-                node.tell_identity(None, Some(u32::from_le_bytes([*a, *b, *c, *d])));
+                node.tell_identity(None, Some(u32::from_le_bytes([*a, *b, *c, *d])), now);
             }
             (GET_ATTRIBUTES_ALL, ..) => {
                 if let Ok((_, DeviceIdentity { vendor, serial, .. })) = DeviceIdentity::parse(body)
                 {
-                    node.tell_identity(Some(vendor), Some(serial));
+                    node.tell_identity(Some(vendor), Some(serial), now);
                 }
             }
             _ => {}

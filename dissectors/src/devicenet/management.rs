@@ -64,12 +64,15 @@ impl Ledger {
             start.since(check.last).is_some_and(|ns| ns <= settings.check_spacing_ns)
         };
         if let Some(check) = node.check.as_mut().filter(|check| belongs(check)) {
+            // A controller that nobody acknowledges sends the same request over and over; all others
+            // wait a second. The stamps may be too poor to tell more.
+            let waited = start.since(check.last).unwrap_or_default();
+            let is_again = now.is_repeating || waited < settings.check_ns / 10;
             check.last = start;
-            // A controller that nobody acknowledges sends the same request over and over.
-            check.is_alone |= now.is_repeating;
+            check.is_alone |= is_again;
             node.online = if check.is_alone { Moment::UNKNOWN } else { start };
             node.errors_before = self.errors;
-            if check.is_restart && !check.is_told && !now.is_repeating {
+            if check.is_restart && !check.is_told && !is_again {
                 check.is_told = true;
                 self.judgement.find(restart(check.errors));
             }

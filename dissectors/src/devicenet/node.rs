@@ -65,7 +65,7 @@ pub(super) struct Silence {
 pub(super) struct Node {
     /// Vendor and serial number, once they were told.
     pub identity: Option<Identity>,
-    /// When it told them last.
+    /// When it told them, the last time that it came.
     pub identified: Moment,
     /// Vendor and serial number as its Identity object told them, one after the other.
     pub told: (Option<u16>, Option<u32>),
@@ -164,10 +164,10 @@ impl Node {
 
     /// Takes what its Identity object told. A duplicate MAC ID check says the same numbers, and is
     /// believed first.
-    pub fn tell_identity(&mut self, vendor: Option<u16>, serial: Option<u32>) {
+    pub fn tell_identity(&mut self, vendor: Option<u16>, serial: Option<u32>, now: Moment) {
         self.told = (vendor.or(self.told.0), serial.or(self.told.1));
         if let (None, (Some(vendor), Some(serial))) = (self.identity, self.told) {
-            self.identity = Some(Identity { vendor, serial });
+            (self.identity, self.identified) = (Some(Identity { vendor, serial }), now);
         }
     }
 

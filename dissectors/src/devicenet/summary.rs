@@ -14,6 +14,10 @@ use core::fmt::{self, Write};
 /// Bytes that a sentence shows at most.
 const SHOWN: usize = 8;
 
+/// Characters of a station's name that a sentence shows at most: a line of 100 columns then has the
+/// position, too.
+const NAME: usize = 8;
+
 impl Layer for Message<'_> {
     fn get(&self, field: FieldId) -> Value<'_> {
         match field.checked_sub(can::FIELDS.len()) {
@@ -132,10 +136,7 @@ impl Message<'_> {
                 self.say_data(self.data, out)?;
             }
         }
-        match self.facts.response_time {
-            Some(ns) => write!(out, " in {}", Span(ns)),
-            None => Ok(()),
-        }
+        self.say_time(out)
     }
 
     fn say_fragment(&self, fragment: Fragment, out: &mut dyn Write) -> fmt::Result {
@@ -220,13 +221,13 @@ impl Message<'_> {
             kind::POLL_RESPONSE => (Some(from), " answers the poll", None),
             kind::STROBE_COMMAND => (Some(from), " strobes its slaves", None),
             kind::STROBE_RESPONSE if !answers => (Some(from), " sends a strobe response", None),
-            kind::STROBE_RESPONSE => (Some(from), " answers the strobe", None),
+            kind::STROBE_RESPONSE => (Some(from), " answers a strobe", None),
             kind::MULTICAST_POLL_COMMAND => (None, "multicast poll", None),
             kind::MULTICAST_POLL_RESPONSE if !answers => {
                 (Some(from), " sends a multicast poll response", None)
             }
             kind::MULTICAST_POLL_RESPONSE => (Some(from), " answers the multicast poll", None),
-            kind::COS => (Some(from), " tells a change of state", None),
+            kind::COS => (Some(from), " tells a change", None),
             kind::CYCLIC => (Some(from), " tells cyclically", None),
             kind::IO_ACK if from.is_some() => (Some(from), " acknowledges", None),
             kind::IO_ACK => (None, "acknowledged to ", Some(to)),
@@ -238,18 +239,25 @@ impl Message<'_> {
         from.map_or(Ok(()), |from| self.who(from).say(out))?;
         out.write_str(what)?;
         to.map_or(Ok(()), |to| self.who(to).say(out))?;
-        if let Some(ns) = self.facts.response_time {
-            out.write_str(" in ")?;
-            Span(ns).say(out)?;
-        }
-        let Some((_, reading)) = self.reading else { return self.say_layout(out) };
+        let Some((_, reading)) = self.reading else {
+            self.say_layout(out)?;
+            return self.say_time(out);
+        };
         out.write_str(": position ")?;
         out.write_str(itoa::Buffer::new().format(reading.position))?;
         if let Some((resolution, position)) = self.place() {
             write!(out, " {}", resolution.place(position))?;
         }
+        self.say_time(out)?;
         out.write_str(", ")?;
         out.write_str(reading.flags.words())
+    }
+
+    /// How long the answer took. A line is short: what was said comes first.
+    fn say_time(&self, out: &mut dyn Write) -> fmt::Result {
+        let Some(ns) = self.facts.response_time else { return Ok(()) };
+        out.write_str(" in ")?;
+        Span(ns).say(out)
     }
 
     /// I/O data as its maker's file lays it out.
@@ -294,6 +302,10 @@ impl Who<'_> {
             None => out.write_str("somebody")?,
         }
         match self.name {
+            Some(name) if name.chars().count() > NAME => {
+                let begin = name.char_indices().nth(NAME - 1).map_or(name.len(), |(end, _)| end);
+                write!(out, " ({}…)", &name[..begin])
+            }
             Some(name) => write!(out, " ({name})"),
             None => Ok(()),
         }

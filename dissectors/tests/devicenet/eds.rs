@@ -40,13 +40,10 @@ fn read(file: &str, lines: &[(f64, &str)]) -> Vec<Told> {
 fn members_have_their_names_units_and_words() {
     // 0FA0h is 4000, a tenth of which are rpm; FFFEh is -2; 40h is 1 in its two highest bits.
     let told = read(SENSOR, &[(20.0, "4BD#07"), (21.0, "3D7#A00FFEFF"), (30.0, "357#A00FFEFF40")]);
-    assert_eq!(told[1].summary, "23 answers the poll in 1.00 ms: Speed 400.0 rpm, Slip -2");
+    assert_eq!(told[1].summary, "23 answers the poll: Speed 400.0 rpm, Slip -2 in 1.00 ms");
     assert_eq!(told[1].get("io.members"), "Speed/400/rpm/ Slip/-2//");
     assert_eq!((told[1].get("io.name"), told[1].get("io.data")), ("Speed", "A00FFEFF"));
-    assert_eq!(
-        told[2].summary,
-        "23 tells a change of state: Speed 400.0 rpm, Slip -2, State 1 (turning)"
-    );
+    assert_eq!(told[2].summary, "23 tells a change: Speed 400.0 rpm, Slip -2, State 1 (turning)");
     // The lamp has a name, and the file does not tell what stands in its byte.
     assert_eq!((told[0].get("io.name"), told[0].get("io.members")), ("Lamp", ""));
     assert_eq!(told[0].summary, "poll of 23: Lamp: 07");

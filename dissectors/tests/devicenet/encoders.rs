@@ -118,13 +118,13 @@ fn stations_have_the_names_and_the_resolution_that_the_user_gives_them() {
     // 3 turns of 8192 steps and a quarter: 26624 is 6800h.
     let told =
         read(settings, &[(0.0, "4BC#000E2F0103"), (1.0, "4BB#008E00"), (5.0, "3D7#00680000")]);
-    assert_eq!(told[0].summary, "0 asks 23 (lift axis): Get Sense of rotation");
+    assert_eq!(told[0].summary, "0 asks 23 (lift ax…): Get Sense of rotation");
     let answer = &told[2];
     assert_eq!(answer.get("name"), "lift axis");
     assert_eq!((answer.get("io.turns"), answer.get("io.angle")), ("3", "90"));
     assert_eq!(
         answer.summary,
-        "23 (lift axis) sends a poll response: position 26624 = 3 turns 90.000°, \
+        "23 (lift ax…) sends a poll response: position 26624 = 3 turns 90.000°, \
          alarm and warning: not on this connection"
     );
 }

@@ -31,7 +31,7 @@ fn polls_and_their_answers() {
     );
     assert_eq!((answer.get("request"), answer.get("response_time_ns")), ("9", "1000000"));
     assert_eq!((answer.station, answer.get("io.data")), (Some(23), "45230100"));
-    assert_eq!(answer.summary, "23 answers the poll in 1.00 ms: 45 23 01 00");
+    assert_eq!(answer.summary, "23 answers the poll: 45 23 01 00 in 1.00 ms");
     assert_eq!(command.summary, "0 polls 23");
 }
 
@@ -265,6 +265,8 @@ fn strobes_and_who_does_not_answer() {
         ["8 event no-strobe-response", "11 strobe-response unsolicited-response"]
     );
     assert_eq!((told[7].about, told[7].station), (Some(7), Some(23)));
+    // A strobe is for all slaves; its master is none.
+    assert_eq!((told[4].station, told[4].get("source")), (None, "0"));
     assert_eq!((told[5].get("request"), told[5].get("destination")), ("5", "0"));
 }
 

@@ -1,10 +1,11 @@
 //! Who is there: checks, restarts, heartbeats, and what does not belong on the bus.
 
 use crate::bus::{
-    Heard, concluded, decode, findings, frame_ns, learned, protocol_of, read, script,
+    Heard, concluded, decode, decode_at, findings, frame_ns, learned, protocol_of, read, script,
 };
 use fieldtap_dissectors::can::{Frame, FrameKind, Identifier};
 use fieldtap_dissectors::event::Moment;
+use fieldtap_dissectors::uart::Baud;
 
 /// Vendor 468, serial 1, MAC ID 23.
 const CHECK: &str = "4BF#00D40101000000";
@@ -101,6 +102,22 @@ fn one_device_at_two_mac_ids_has_moved_or_is_two() {
     let are_two = "the first was heard after the last came: two devices with one serial number";
     assert_eq!(told, wanted(are_two));
     assert_eq!(findings(&read(&two, 9_000.0)), [""; 0]);
+    // Numbers that a master reads, where the check was before the capture.
+    let read_from = |mac: u32| {
+        let get = |attribute: u8| format!("{:03X}#000E0101{attribute:02X}", 0x404 | mac << 3);
+        let tell = |data: &str| format!("{:03X}#008E{data}", 0x403 | mac << 3);
+        [get(1), tell("D401"), get(6), tell("01000000")]
+    };
+    let lines: Vec<String> = [63, 23].into_iter().flat_map(read_from).collect();
+    let mut asked: Vec<(f64, &str)> =
+        (0..).map(|n| f64::from(n) * 10.0).zip(lines.iter().map(String::as_str)).collect();
+    let mut told = concluded(&script(&asked));
+    told.reverse();
+    assert_eq!(told, wanted(has_moved));
+    asked.push((100.0, "5FB#3FCD010003000000"));
+    let mut told = concluded(&script(&asked));
+    told.reverse();
+    assert_eq!(told, wanted(are_two));
     // Another serial number.
     let others = [(0.0, "5FF#00D40102000000"), (3_000.0, CHECK)];
     assert_eq!(concluded(&script(&others)), [""; 0]);
@@ -113,6 +130,21 @@ fn a_lone_node_is_not_acknowledged_and_does_not_restart() {
     let mut found = findings(&read(&lines, 6_000.0));
     found.retain(|found| !found.ends_with("can.high-load"));
     assert_eq!(found, ["9 dup-mac-request can.not-acknowledged"]);
+}
+
+#[test]
+fn a_lone_node_does_not_restart_whatever_the_stamps_are_worth() {
+    // The same, read every 16 ms by a computer; the node was heard before.
+    let lone = |n: u32| (f64::from(n / 18) * 16.0 + f64::from(n % 18) * 0.005, CHECK);
+    let lines: Vec<(f64, &str)> =
+        [(0.0, "4BB#17CD010003000000")].into_iter().chain((18..5_000).map(lone)).collect();
+    for rate in [Baud::new(125_000), None] {
+        let told = decode_at(rate, &script(&lines), Some(5_000_000_000));
+        let restarts = told.iter().filter(|it| it.codes.iter().any(|code| code == "node-restart"));
+        // It is told once, a second after the first request, as nobody objected.
+        let restarts: Vec<_> = restarts.map(|it| (it.kind, it.about)).collect();
+        assert_eq!(restarts, [("event", Some(2))]);
+    }
 }
 
 #[test]
@@ -161,15 +193,17 @@ fn the_protocol_is_found_from_the_frames() {
     assert_eq!(found(&["7DF#02010C", "7E8#04410C1AF8", "0F1#1C050240", "415#04"]), "can");
 }
 
-/// A slave is switched on, and polled from 3 s on: each answer follows its poll, 48 bits of 8 µs,
-/// without a pause.
+/// A slave is switched on, and polled from 3 s on, and another with it: what waits for the bus
+/// follows without a pause, behind 48 bits of 8 µs as behind 89.
 #[test]
 fn the_bit_rate_may_show_itself_late() {
     let mut heard = script(&[(0.0, CHECK), (1_000.0, CHECK)]);
     for cycle in 0..300_i64 {
         let start = 3_000_000_000 + cycle * 50_000_000;
-        heard.push(Heard::Frame(frame_ns(start, "4BD#")));
-        heard.push(Heard::Frame(frame_ns(start + 384_000, "3D7#45230100")));
+        heard.push(Heard::Frame(frame_ns(start, "42D#")));
+        heard.push(Heard::Frame(frame_ns(start + 48 * 8_000, "3C0#00000000")));
+        heard.push(Heard::Frame(frame_ns(start + (48 + 89) * 8_000, "3D7#45230100")));
+        heard.push(Heard::Frame(frame_ns(start + 10_000_000, "4BD#")));
     }
     let (told, first) = learned(&heard);
     // Two frames are the beginning, and then 256 tell it: the next one is number 259.

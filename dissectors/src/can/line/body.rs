@@ -80,6 +80,7 @@ impl Body {
 
     /// Takes what almost all bits are part of: a run after one of the other level, not too long,
     /// that decides nothing. Returns false if they are none, and then has taken nothing.
+    #[inline(always)]
     pub fn take_run(&mut self, is_recessive: bool, length: u32) -> bool {
         let stuffed = u8::from(self.run == LONGEST_RUN);
         let is_run = is_recessive != self.is_recessive && length <= u32::from(LONGEST_RUN);

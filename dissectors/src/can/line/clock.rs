@@ -23,24 +23,28 @@ const SLOWEST: i64 = 1 << 48;
 
 /// Counts bits between edges. A level change was at its tick or up to one tick before, so that each
 /// edge narrows down where bits begin.
-#[derive(Clone, Debug)]
+///
+/// With every edge the next step waits for the one before it: as few instructions as possible lie
+/// between them, and who walks along many edges copies the clock, so that it is kept in registers.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct BitClock {
     /// Duration of a bit.
     bit: i64,
     /// 2⁶⁴ divided by it, and rounded up: with every edge a span is divided by a bit, and to
-    /// multiply is faster.
+    /// multiply is faster. Up to this span it is as exact.
     inverse: u64,
+    exact: u64,
     /// The tick of the last edge.
     base: u64,
     /// The next sample point, from there.
     next: i64,
     /// Bits may begin by so much earlier or later than it is reckoned.
     doubt: i64,
-    /// How many bits ago that was known.
-    age: i64,
-    /// Where the bits that are counted began, and how many there were.
+    /// Where the bits that are counted began, how many there were, and how many of these when it
+    /// was known last where one begins.
     origin: u64,
-    bits: u64,
+    bits: i64,
+    known: i64,
 }
 
 impl BitClock {
@@ -48,7 +52,8 @@ impl BitClock {
     pub fn new(ticks_a_bit: f64) -> Self {
         let bit = ((ticks_a_bit * TICK as f64) as i64).clamp(TICK, SLOWEST);
         let inverse = u64::MAX / bit.unsigned_abs() + 1;
-        BitClock { bit, inverse, base: 0, next: 0, doubt: 0, age: 0, origin: 0, bits: 0 }
+        let exact = u64::MAX / bit.unsigned_abs();
+        BitClock { bit, inverse, exact, base: 0, next: 0, doubt: 0, origin: 0, bits: 0, known: 0 }
     }
 
     /// Pulses of fewer ticks than this are shorter than a quarter of a bit.
@@ -63,69 +68,77 @@ impl BitClock {
     }
 
     /// How many bits are sampled before this tick.
-    #[inline]
+    #[inline(always)]
     pub fn advance(&mut self, until: u64) -> u32 {
-        let ahead = until.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK - self.next;
-        if ahead <= 0 {
-            return 0;
-        }
-        let count = self.whole_bits(ahead - 1) + 1;
+        let count = self.bits_within(self.passed(until));
         self.next += count * self.bit;
-        self.bits += count.unsigned_abs();
-        self.age += count;
+        self.bits += count;
         u32::try_from(count).unwrap_or(u32::MAX)
+    }
+
+    /// How many bits are sampled before this tick, at which the level changed.
+    #[inline(always)]
+    pub fn reach(&mut self, tick: u64) -> u32 {
+        let passed = self.passed(tick);
+        let count = self.bits_within(passed);
+        self.next += count * self.bit - passed;
+        self.bits += count;
+        self.base = tick;
+        u32::try_from(count).unwrap_or(u32::MAX)
+    }
+
+    /// How long after the last edge a tick is.
+    fn passed(&self, tick: u64) -> i64 {
+        tick.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK
+    }
+
+    /// How many bits are sampled so long after the last edge.
+    fn bits_within(&self, passed: i64) -> i64 {
+        let ahead = passed - self.next;
+        if ahead <= 0 { 0 } else { self.whole_bits(ahead - 1) + 1 }
     }
 
     /// How many whole bits a span has, which is not negative.
     fn whole_bits(&self, span: i64) -> i64 {
         // Rounding up adds less than span / 2⁶⁴ to the quotient; that is too little to matter while
         // the span times a bit stays below 2⁶⁴.
-        match span.unsigned_abs().checked_mul(self.bit.unsigned_abs()) {
-            Some(_) => {
-                let product = u128::from(span.unsigned_abs()) * u128::from(self.inverse);
-                ((product >> 64) as u64).cast_signed()
-            }
-            None => span / self.bit,
+        if span.unsigned_abs() > self.exact {
+            return span / self.bit;
         }
-    }
-
-    /// How many bits are sampled before this tick, at which the level changed.
-    pub fn reach(&mut self, tick: u64) -> u32 {
-        let count = self.advance(tick);
-        self.move_to(tick);
-        count
+        let product = u128::from(span.unsigned_abs()) * u128::from(self.inverse);
+        ((product >> 64) as u64).cast_signed()
     }
 
     /// The level changed at this tick; all bits before it were counted.
-    #[inline]
     fn move_to(&mut self, tick: u64) {
-        let passed = tick.saturating_sub(self.base).min(LONGEST).cast_signed() * TICK;
-        self.next -= passed;
+        self.next -= self.passed(tick);
         self.base = tick;
     }
 
     /// A bit begins with the last edge: hard synchronisation.
     pub fn synchronize(&mut self) {
         self.next = self.bit * SAMPLE_POINT / 4 - TICK / 2;
-        (self.doubt, self.age) = (TICK / 2, 0);
-        (self.origin, self.bits) = (self.base, 0);
+        self.doubt = TICK / 2;
+        (self.origin, self.bits, self.known) = (self.base, 0, 0);
     }
 
     /// A bit should begin with the last edge: the clock is moved towards it.
+    #[inline(always)]
     pub fn resynchronize(&mut self) {
         let begins = self.next - self.bit * SAMPLE_POINT / 4;
-        let doubt = self.doubt + self.age.min(DRIFT) * self.bit / DRIFT;
+        let age = self.bits - self.known;
+        let doubt = self.doubt + age.min(DRIFT) * self.bit / DRIFT;
         // What was reckoned and what was seen, as far as they agree.
         let earliest = (begins - doubt).clamp(-TICK, 0);
         let latest = (begins + doubt).clamp(-TICK, 0);
         let error = begins - (earliest + latest) / 2;
         self.next -= error.clamp(-self.bit / JUMP, self.bit / JUMP);
-        (self.doubt, self.age) = ((latest - earliest) / 2, 0);
+        (self.doubt, self.known) = ((latest - earliest) / 2, self.bits);
     }
 
     /// How many ticks passed from the hard synchronisation to the last edge, and how many bits.
     pub fn span(&self) -> (u64, u64) {
-        (self.base.saturating_sub(self.origin), self.bits)
+        (self.base.saturating_sub(self.origin), self.bits.unsigned_abs())
     }
 }
 

@@ -117,17 +117,15 @@ impl Parser {
         Synchronization::Hard
     }
 
-    /// Takes so many bits of one level, which it has since the tick `edge`.
-    pub fn take(&mut self, is_recessive: bool, count: u32, edge: u64, out: &mut Vec<Frame>) {
-        if self.stage == Stage::Body && self.body.take_run(is_recessive, count) {
-            return;
-        }
-        self.take_any(is_recessive, count, edge, out);
+    /// Takes what almost all bits are part of: a run of the stuffed part that decides nothing.
+    /// Returns false if they are none, and then has taken nothing.
+    #[inline(always)]
+    pub fn take_run(&mut self, is_recessive: bool, count: u32) -> bool {
+        self.stage == Stage::Body && self.body.take_run(is_recessive, count)
     }
 
-    /// Not to be inlined: what it needs is not to be set up for every run of bits.
-    #[inline(never)]
-    fn take_any(&mut self, is_recessive: bool, mut count: u32, edge: u64, out: &mut Vec<Frame>) {
+    /// Takes so many bits of one level, which it has since the tick `edge`.
+    pub fn take(&mut self, is_recessive: bool, mut count: u32, edge: u64, out: &mut Vec<Frame>) {
         if self.stage == Stage::Body {
             count = self.take_body(is_recessive, count, edge, out);
         }

@@ -68,28 +68,31 @@ impl Receiver {
             self.edge = levels.from;
             self.clock.start(levels.from);
         }
+        let mut clock = self.clock;
+        let mut pending = self.pending.take();
         for tick in levels.edges.iter().copied() {
-            match self.pending {
-                None => self.pending = Some(tick),
+            pending = match pending {
                 Some(before) if tick.saturating_sub(before) < self.shortest => {
-                    self.drop_pulse(before)
+                    self.drop_pulse(&mut clock, before);
+                    None
                 }
                 Some(before) => {
-                    self.pass(before);
-                    self.pending = Some(tick);
+                    self.pass(&mut clock, before);
+                    Some(tick)
                 }
+                None => Some(tick),
             }
         }
         let mut known = levels.until;
-        if let Some(tick) = self.pending {
+        if let Some(tick) = pending {
             if levels.until.saturating_sub(tick) >= self.shortest {
-                self.pass(tick);
-                self.pending = None;
+                self.pass(&mut clock, tick);
             } else {
-                known = tick;
+                (self.pending, known) = (pending, tick);
             }
         }
-        self.advance(known);
+        self.take(clock.advance(known));
+        self.clock = clock;
     }
 
     /// The line is not heard any further, or not for a while. A frame that is not over is none.
@@ -99,9 +102,9 @@ impl Receiver {
         self.is_begun = false;
     }
 
-    fn drop_pulse(&mut self, tick: u64) {
-        self.pending = None;
-        self.advance(tick);
+    #[inline(always)]
+    fn drop_pulse(&mut self, clock: &mut BitClock, tick: u64) {
+        self.take(clock.advance(tick));
         if self.parser.is_deaf() {
             // The fast bits of a CAN FD frame are as short.
             self.parser.reset();
@@ -111,33 +114,36 @@ impl Receiver {
     }
 
     /// Takes the bits before an edge, and the edge.
-    fn pass(&mut self, tick: u64) {
-        let count = self.clock.reach(tick);
-        self.take(count);
+    #[inline(always)]
+    fn pass(&mut self, clock: &mut BitClock, tick: u64) {
+        self.take(clock.reach(tick));
         self.edge = tick;
         self.is_recessive = !self.is_recessive;
         if self.is_recessive {
             return;
         }
         match self.parser.fall(tick, &mut self.frames) {
-            Synchronization::Hard => self.clock.synchronize(),
+            Synchronization::Hard => clock.synchronize(),
             Synchronization::Soft => {
                 if self.parser.is_in_body() {
-                    self.span = self.clock.span();
+                    self.span = clock.span();
                 }
-                self.clock.resynchronize();
+                clock.resynchronize();
             }
         }
     }
 
-    /// Takes the bits before a tick.
-    fn advance(&mut self, until: u64) {
-        let count = self.clock.advance(until);
-        self.take(count);
+    /// Takes so many bits of the level at hand.
+    #[inline(always)]
+    fn take(&mut self, count: u32) {
+        if !self.parser.take_run(self.is_recessive, count) {
+            self.take_any(count);
+        }
     }
 
-    /// Takes so many bits of the level at hand.
-    fn take(&mut self, count: u32) {
+    /// Not to be inlined: what it needs is not to be set up for every run of bits.
+    #[inline(never)]
+    fn take_any(&mut self, count: u32) {
         if count == 0 {
             return;
         }

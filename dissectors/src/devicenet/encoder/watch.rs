@@ -250,16 +250,22 @@ impl Watch {
     }
 
     /// What a position tells of motion. Fast polls see a slow shaft move by less than it may flicker:
-    /// hence a look further back, while it is not at rest. In change of state mode a shaft that
+    /// hence a look further back, if it moved then no faster than it does now. In change of state mode a shaft that
     /// stopped sends nothing: it moves no longer than the next position would have taken to come.
     fn motion_to(&self, position: u32, now: Moment) -> Option<(u32, Moment)> {
         let round = self.known().total_resolution.or(self.positions);
         let since = |(then, at): (u32, Moment)| {
             let gap = now.since(at).filter(|gap| *gap <= MOTION_NS)?;
-            Some((distance(then, position, round), gap))
+            // Where the last position is, nobody said: near zero a shaft at rest may flicker there.
+            let may_pass_zero = round.is_none() && then.min(position) <= AT_REST;
+            (!may_pass_zero).then(|| (distance(then, position, round), gap))
         };
         let (last, gap) = self.last.and_then(since)?;
-        let earlier = self.before.and_then(since).map_or(0, |(steps, _)| steps);
+        let goes_on = |steps: u32, age: i64| {
+            i64::from(steps).saturating_mul(gap) <= i64::from(last + 1).saturating_mul(age)
+        };
+        let earlier = self.before.and_then(since).filter(|(steps, age)| goes_on(*steps, *age));
+        let earlier = earlier.map_or(0, |(steps, _)| steps);
         let steps = if last > 0 { last.max(earlier) } else { 0 };
         (steps > AT_REST).then(|| (steps, now.plus(2 * gap + STAMPING_NS)))
     }
@@ -467,6 +473,10 @@ mod tests {
         };
         // Polled every 20 ms: it stood still since the last poll but one.
         assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600), (60, 1600)], 65), 0);
+        // The last bit flickers where it stopped.
+        assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600), (60, 1600), (80, 1601)], 85), 0);
+        // The position before 0 is the highest, whatever that is: it was not said.
+        assert_eq!(told(&[(0, 0), (20, 8191), (40, 0)], 45), 0);
         // By change of state, every 20 ms while it turned: nothing came for 100 ms.
         assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600)], 50), 1);
         assert_eq!(told(&[(0, 1000), (20, 1500), (40, 1600)], 140), 0);
