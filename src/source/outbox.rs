@@ -207,6 +207,21 @@ impl Outbox {
         }
     }
 
+    /// Everything that another outbox holds.
+    pub fn absorb(&mut self, mut other: Outbox) {
+        while let Some(said) = other.next() {
+            match said {
+                Ok(piece) => self.pass_on(piece),
+                Err(error) => self.error(error),
+            }
+        }
+    }
+
+    /// How much waits in it.
+    pub fn len(&self) -> usize {
+        self.characters.len() + self.frames.len() + self.rows.len() + self.waiting.len()
+    }
+
     /// What was heard, whatever it is.
     pub fn hear(&mut self, bus: usize, event: Event<'_>) {
         match event {

@@ -15,15 +15,19 @@ use super::{Piece, Source, SourceError, SourceOptions};
 use crate::interrupt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 /// How long a tap waits for something to be heard before it says that nothing was.
 pub const PATIENCE: Duration = Duration::from_millis(10);
 
-/// Deliveries that may wait to be decoded.
-const AHEAD: usize = 4096;
+/// Deliveries that may wait to be decoded. Those that come while so many wait are put together.
+const AHEAD: usize = 64;
+
+/// Characters, frames and other things that are put together at most. Beyond that the kernel holds
+/// them, and counts what it drops: a full SLIN bus is 25 s behind then, a full CAN bus longer.
+const MOST_BEHIND: usize = 1 << 18;
 
 /// What the user says about live taps.
 #[derive(Clone, Default, Debug)]
@@ -81,7 +85,8 @@ impl Listening {
         let (sender, deliveries) = sync_channel(AHEAD);
         let (give_back, empty) = sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
-        let ear = Ear { tap, sender, empty, is_over: Arc::clone(&is_over) };
+        let behind = Outbox::default();
+        let ear = Ear { tap, sender, empty, behind, is_over: Arc::clone(&is_over) };
         let ear = Some(thread::spawn(move || ear.listen()));
         let deliveries = Some(deliveries);
         Listening { deliveries, give_back, current: Outbox::default(), is_over, ear }
@@ -130,6 +135,8 @@ struct Ear {
     tap: Box<dyn Tap>,
     sender: SyncSender<Outbox>,
     empty: Receiver<Outbox>,
+    /// What was heard while too many deliveries waited.
+    behind: Outbox,
     is_over: Arc<AtomicBool>,
 }
 
@@ -142,13 +149,89 @@ impl Ear {
                 delivery.error(error);
                 false
             });
-            if self.sender.send(delivery).is_err() || !has_more {
+            if !has_more {
+                return self.deliver_last(delivery);
+            }
+            if !self.deliver(delivery) {
                 return;
             }
         }
         let mut last = Outbox::default();
         self.tap.end(&mut last);
+        self.deliver_last(last);
+    }
+
+    /// Hands over, without waiting for room unless very much is behind. False where nobody listens.
+    fn deliver(&mut self, delivery: Outbox) -> bool {
+        let delivery = if self.behind.is_empty() {
+            delivery
+        } else {
+            self.behind.absorb(delivery);
+            std::mem::take(&mut self.behind)
+        };
+        match self.sender.try_send(delivery) {
+            Ok(()) => true,
+            Err(TrySendError::Full(delivery)) if delivery.len() < MOST_BEHIND => {
+                self.behind = delivery;
+                true
+            }
+            Err(TrySendError::Full(delivery)) => self.sender.send(delivery).is_ok(),
+            Err(TrySendError::Disconnected(_)) => false,
+        }
+    }
+
+    fn deliver_last(mut self, last: Outbox) {
+        self.behind.absorb(last);
         // Nobody needs it where the listener is gone.
-        let _ = self.sender.send(last);
+        let _ = self.sender.send(self.behind);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dissectors::bus::WireFacts;
+    use dissectors::event::{Clock, Event, Moment};
+    use dissectors::record::BusInfo;
+    use dissectors::uart::{Character, Parity};
+
+    /// Hears a character a read, each 1 µs after the one before.
+    struct Steady {
+        next: i64,
+        last: i64,
+    }
+
+    impl Reader for Steady {
+        fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
+            if self.next == 0 {
+                out.bus(BusInfo::new("steady", Some(Clock::Read)), WireFacts::default());
+            }
+            let start = Moment::from_ns(1_000 * self.next);
+            out.characters(0, [Character::new(start, 0, 0x55, Parity::Ok)]);
+            self.next += 1;
+            Ok(self.next < self.last)
+        }
+    }
+
+    impl Tap for Steady {}
+
+    #[test]
+    fn a_slow_listener_loses_nothing() {
+        let heard_by = |last: i64, wait: Duration| {
+            let mut listening = Listening::begin(Box::new(Steady { next: 0, last }));
+            // All of it is heard before the first is taken.
+            thread::sleep(wait);
+            let mut starts = Vec::new();
+            while let Ok(Some(piece)) = listening.next_piece() {
+                if let Piece::Heard(_, Event::Characters(characters)) = piece {
+                    starts.extend(characters.iter().filter_map(|it| it.start.ns()));
+                }
+            }
+            starts
+        };
+        for (last, wait) in [(10 * AHEAD as i64, 200), (4 * MOST_BEHIND as i64, 0)] {
+            let starts = heard_by(last, Duration::from_millis(wait));
+            assert!(starts.iter().copied().eq((0..last).map(|n| 1_000 * n)));
+        }
     }
 }
