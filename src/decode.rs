@@ -8,7 +8,7 @@ use crate::pipeline::{Consumer, Pipeline};
 use crate::say;
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
-use crate::verdict::{Learned, Verdict};
+use crate::verdict::{Cut, Learned, Verdict};
 use anyhow::Context;
 use dissectors::can;
 use dissectors::devicenet::eds::{self, Eds};
@@ -47,6 +47,8 @@ pub struct Outcome {
     error: Option<SourceError>,
     output: io::Result<()>,
     is_interrupted: bool,
+    /// A source would have had more to tell when the user interrupted.
+    is_cut: bool,
     /// A source goes on until somebody ends it.
     is_live: bool,
     fail_on: Option<FailOn>,
@@ -77,7 +79,12 @@ impl Outcome {
 
     /// The four lines that sum it up.
     pub fn verdict(&self) -> Verdict {
-        Verdict::of(&self.tally, &self.pipeline, &self.clock, self.error.is_some())
+        let cut = match (&self.error, self.is_cut) {
+            (Some(_), _) => Some(Cut::Failure),
+            (None, true) => Some(Cut::Interruption),
+            (None, false) => None,
+        };
+        Verdict::of(&self.tally, &self.pipeline, &self.clock, cut)
     }
 
     /// Says on standard error what was found out, what went wrong, and the last four lines.
@@ -112,6 +119,7 @@ impl Outcome {
     /// The same where an interruption is how a live source is meant to end.
     pub fn ended_as_meant(mut self) -> Self {
         self.is_interrupted &= !self.is_live;
+        self.is_cut &= !self.is_live;
         self
     }
 
@@ -168,13 +176,26 @@ pub fn decode(
         }
     }
     let is_interrupted = interrupt::came();
+    // A tap has no more to tell than what was heard until then.
+    let is_cut = is_interrupted && !sources.iter().all(|name| source::live::is_tap(name));
     pipeline.finish(&mut desk);
     if desk.output.is_ok() {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
     }
     let Desk { tally, clock, output, is_live, .. } = desk;
     let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
-    Outcome { tally, pipeline, clock, error, output, is_interrupted, is_live, fail_on, is_quiet }
+    Outcome {
+        tally,
+        pipeline,
+        clock,
+        error,
+        output,
+        is_interrupted,
+        is_cut,
+        is_live,
+        fail_on,
+        is_quiet,
+    }
 }
 
 /// Selects the records the user asked for, counts them and has them written.
@@ -227,6 +248,7 @@ impl Consumer for Desk<'_> {
     }
 
     fn warn(&mut self, warning: &SourceError) {
+        self.tally.unread += warning.left_out;
         let line = format!("fieldtap: warning: {warning}");
         self.export.note(&line);
         if !self.is_quiet {

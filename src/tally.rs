@@ -127,6 +127,8 @@ pub struct Tally {
     pub period: Option<Period>,
     /// Largest ± of a stamp in ns.
     pub uncertainty: u32,
+    /// Lines of the sources that could not be read and were left out.
+    pub unread: u64,
     /// Where the stations of each bus stand.
     places: Vec<Places>,
 }

@@ -215,7 +215,7 @@ impl Table {
     fn reject(&mut self, what: &str, out: &mut Outbox) {
         self.bad += 1;
         if self.bad <= MOST_TOLD {
-            out.warning(self.lines.error(format!("{what}: left out")));
+            out.warning(self.lines.error(format!("{what}: left out")).leaving_out(1));
         }
     }
 
@@ -229,7 +229,8 @@ impl Table {
             return Err(whole(format!("no line of it is of {name}")));
         }
         if let more @ 1.. = self.bad.saturating_sub(MOST_TOLD) {
-            out.warning(whole(format!("{more} more lines are wrong: left out")));
+            let what = format!("{more} more lines are wrong: left out");
+            out.warning(whole(what).leaving_out(more));
         }
         Ok(())
     }
