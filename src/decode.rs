@@ -328,6 +328,10 @@ fn read_eds(paths: &[PathBuf], is_quiet: bool) -> anyhow::Result<Arc<[Eds]>> {
             .and_then(|file| file.take(limit).read_to_end(&mut bytes))
             .with_context(failed)?;
         let (eds, warnings) = eds::parse(&bytes);
+        if eds == Eds::default() {
+            let path = path.display();
+            anyhow::bail!("{path}: this is no EDS file: no section of one tells anything");
+        }
         for warning in warnings.iter().filter(|_| !is_quiet) {
             say!("fieldtap: warning: {}: {warning}", path.display());
         }
