@@ -10,11 +10,13 @@ use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
 use crate::verdict::{Cut, Learned, Verdict};
 use anyhow::Context;
+use dissectors::bus::{Bus, LineCounts};
 use dissectors::can;
+use dissectors::device::Profile;
 use dissectors::devicenet::eds::{self, Eds};
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
-use dissectors::protocol::Settings;
+use dissectors::protocol::{Medium, Settings};
 use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::slin;
 use dissectors::station::Stations;
@@ -52,6 +54,8 @@ pub struct Outcome {
     /// A source goes on until somebody ends it.
     is_live: bool,
     fail_on: Option<FailOn>,
+    /// What the user said that fits nothing in the sources.
+    unused: Vec<String>,
     /// Nothing but errors is said on standard error.
     pub is_quiet: bool,
 }
@@ -94,6 +98,9 @@ impl Outcome {
         }
         if !self.is_quiet {
             self.conclusions().for_each(|line| say!("{line}"));
+        }
+        for unused in self.unused.iter().filter(|_| !self.is_quiet) {
+            say!("fieldtap: warning: {unused}");
         }
         if let Err(error) = &self.output {
             say!("fieldtap: the output cannot be written: {error}");
@@ -183,6 +190,9 @@ pub fn decode(
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
     }
     let Desk { tally, clock, output, is_live, .. } = desk;
+    let is_all = decoding.from.is_none() && decoding.to.is_none() && decoding.count.is_none();
+    let has_all = is_all && error.is_none() && !is_cut && tally.records > 0;
+    let unused = if has_all { unused(&tally, &pipeline) } else { Vec::new() };
     let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
     Outcome {
         tally,
@@ -194,6 +204,7 @@ pub fn decode(
         is_cut,
         is_live,
         fail_on,
+        unused,
         is_quiet,
     }
 }
@@ -266,6 +277,44 @@ impl Consumer for Desk<'_> {
 
     fn end(&mut self, bus: &BusInfo, end: Moment) {
         self.export.end(bus, end);
+    }
+}
+
+/// What the user said of stations and protocol that fits nothing that was heard.
+fn unused(tally: &Tally, pipeline: &Pipeline) -> Vec<String> {
+    let Settings { protocol, devices, stations, .. } = pipeline.settings();
+    let buses = pipeline.buses();
+    let speaks = |name| buses.iter().filter_map(Bus::protocol).any(|it| it.name == name);
+    let device = |(number, device): (&u16, &Profile)| {
+        let is_there = tally.has_heard(*number) && speaks(device.protocol());
+        (!is_there).then(|| number.to_string())
+    };
+    let station = |number: &u16| (!tally.has_heard(*number)).then(|| number.to_string());
+    let missing = [
+        ("--device", devices.iter().filter_map(device).collect::<Vec<_>>(), " of that kind"),
+        ("--stations", stations.keys().filter_map(station).collect(), ""),
+    ];
+    let missing = missing.into_iter().filter(|(_, numbers, _)| !numbers.is_empty());
+    let missing = missing.map(|(option, numbers, kind)| {
+        let numbers = numbers.join(" ");
+        format!("{option} names {numbers}: no such station{kind} was heard")
+    });
+    let other = protocol.and_then(|given| {
+        let carried = |bus: &Bus| carried(bus).filter(|medium| *medium != given.medium);
+        let (bus, medium) = buses.iter().find_map(|bus| Some((bus, carried(bus)?)))?;
+        let (name, carries) = (&bus.info().name, medium.carries());
+        Some(format!("--protocol {}: {name} carries {carries}, which are none of it", given.name))
+    });
+    missing.chain(other).collect()
+}
+
+/// What was heard on a bus.
+fn carried(bus: &Bus) -> Option<Medium> {
+    match bus.counts() {
+        LineCounts { frames: 1.., .. } => Some(Medium::Can),
+        LineCounts { characters: 1.., .. } => Some(Medium::Serial),
+        LineCounts { rows: 1.., .. } | LineCounts { cycles: 1.., .. } => Some(Medium::Words),
+        _ => None,
     }
 }
 

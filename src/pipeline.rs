@@ -92,6 +92,11 @@ impl Pipeline {
         }
     }
 
+    /// What the user decided.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// The buses that appeared so far.
     pub fn buses(&self) -> &[Bus] {
         &self.buses
@@ -182,7 +187,13 @@ impl Pipeline {
             self.ends.push(Moment::UNKNOWN);
             (self.buses.len() - 1, 0)
         });
-        self.channels.push(Channel { info, bus, wire, is_spaced: facts.spacing_is_assumed, last: Moment::UNKNOWN });
+        self.channels.push(Channel {
+            info,
+            bus,
+            wire,
+            is_spaced: facts.spacing_is_assumed,
+            last: Moment::UNKNOWN,
+        });
         self.channels.len() - 1
     }
 

@@ -33,7 +33,13 @@ pub struct SourceError {
 impl SourceError {
     /// An error that fieldtap found in what it read.
     pub fn new(source: &str, place: Place, what: impl Into<String>) -> Self {
-        SourceError { source: source.to_owned(), place, what: what.into(), cause: None, left_out: 0 }
+        SourceError {
+            source: source.to_owned(),
+            place,
+            what: what.into(),
+            cause: None,
+            left_out: 0,
+        }
     }
 
     /// The same where it tells that so many lines could not be read and were left out.

@@ -17,6 +17,7 @@ mod lines;
 mod live;
 #[cfg(target_os = "linux")]
 mod live_can;
+mod mistakes;
 mod peers;
 mod process_words;
 mod real_captures;
