@@ -8,13 +8,15 @@ use crate::pipeline::{Consumer, Pipeline};
 use crate::say;
 use crate::source::{self, SourceError, SourceOptions};
 use crate::tally::Tally;
-use crate::verdict::{Learned, Verdict};
+use crate::verdict::{Cut, Learned, Verdict};
 use anyhow::Context;
+use dissectors::bus::{Bus, LineCounts};
 use dissectors::can;
+use dissectors::device::Profile;
 use dissectors::devicenet::eds::{self, Eds};
 use dissectors::event::Moment;
 use dissectors::finding::Severity;
-use dissectors::protocol::Settings;
+use dissectors::protocol::{Medium, Settings};
 use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::slin;
 use dissectors::station::Stations;
@@ -47,9 +49,13 @@ pub struct Outcome {
     error: Option<SourceError>,
     output: io::Result<()>,
     is_interrupted: bool,
+    /// A source would have had more to tell when the user interrupted.
+    is_cut: bool,
     /// A source goes on until somebody ends it.
     is_live: bool,
     fail_on: Option<FailOn>,
+    /// What the user said that fits nothing in the sources.
+    unused: Vec<String>,
     /// Nothing but errors is said on standard error.
     pub is_quiet: bool,
 }
@@ -77,7 +83,12 @@ impl Outcome {
 
     /// The four lines that sum it up.
     pub fn verdict(&self) -> Verdict {
-        Verdict::of(&self.tally, &self.pipeline, &self.clock, self.error.is_some())
+        let cut = match (&self.error, self.is_cut) {
+            (Some(_), _) => Some(Cut::Failure),
+            (None, true) => Some(Cut::Interruption),
+            (None, false) => None,
+        };
+        Verdict::of(&self.tally, &self.pipeline, &self.clock, cut)
     }
 
     /// Says on standard error what was found out, what went wrong, and the last four lines.
@@ -87,6 +98,9 @@ impl Outcome {
         }
         if !self.is_quiet {
             self.conclusions().for_each(|line| say!("{line}"));
+        }
+        for unused in self.unused.iter().filter(|_| !self.is_quiet) {
+            say!("fieldtap: warning: {unused}");
         }
         if let Err(error) = &self.output {
             say!("fieldtap: the output cannot be written: {error}");
@@ -112,6 +126,7 @@ impl Outcome {
     /// The same where an interruption is how a live source is meant to end.
     pub fn ended_as_meant(mut self) -> Self {
         self.is_interrupted &= !self.is_live;
+        self.is_cut &= !self.is_live;
         self
     }
 
@@ -168,13 +183,30 @@ pub fn decode(
         }
     }
     let is_interrupted = interrupt::came();
+    // A tap has no more to tell than what was heard until then.
+    let is_cut = is_interrupted && !sources.iter().all(|name| source::live::is_tap(name));
     pipeline.finish(&mut desk);
     if desk.output.is_ok() {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
     }
     let Desk { tally, clock, output, is_live, .. } = desk;
+    let is_all = decoding.from.is_none() && decoding.to.is_none() && decoding.count.is_none();
+    let has_all = is_all && error.is_none() && !is_cut && tally.records > 0;
+    let unused = if has_all { unused(&tally, &pipeline) } else { Vec::new() };
     let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
-    Outcome { tally, pipeline, clock, error, output, is_interrupted, is_live, fail_on, is_quiet }
+    Outcome {
+        tally,
+        pipeline,
+        clock,
+        error,
+        output,
+        is_interrupted,
+        is_cut,
+        is_live,
+        fail_on,
+        unused,
+        is_quiet,
+    }
 }
 
 /// Selects the records the user asked for, counts them and has them written.
@@ -227,6 +259,7 @@ impl Consumer for Desk<'_> {
     }
 
     fn warn(&mut self, warning: &SourceError) {
+        self.tally.unread += warning.left_out;
         let line = format!("fieldtap: warning: {warning}");
         self.export.note(&line);
         if !self.is_quiet {
@@ -244,6 +277,44 @@ impl Consumer for Desk<'_> {
 
     fn end(&mut self, bus: &BusInfo, end: Moment) {
         self.export.end(bus, end);
+    }
+}
+
+/// What the user said of stations and protocol that fits nothing that was heard.
+fn unused(tally: &Tally, pipeline: &Pipeline) -> Vec<String> {
+    let Settings { protocol, devices, stations, .. } = pipeline.settings();
+    let buses = pipeline.buses();
+    let speaks = |name| buses.iter().filter_map(Bus::protocol).any(|it| it.name == name);
+    let device = |(number, device): (&u16, &Profile)| {
+        let is_there = tally.has_heard(*number) && speaks(device.protocol());
+        (!is_there).then(|| number.to_string())
+    };
+    let station = |number: &u16| (!tally.has_heard(*number)).then(|| number.to_string());
+    let missing = [
+        ("--device", devices.iter().filter_map(device).collect::<Vec<_>>(), " of that kind"),
+        ("--stations", stations.keys().filter_map(station).collect(), ""),
+    ];
+    let missing = missing.into_iter().filter(|(_, numbers, _)| !numbers.is_empty());
+    let missing = missing.map(|(option, numbers, kind)| {
+        let numbers = numbers.join(" ");
+        format!("{option} names {numbers}: no such station{kind} was heard")
+    });
+    let other = protocol.and_then(|given| {
+        let carried = |bus: &Bus| carried(bus).filter(|medium| *medium != given.medium);
+        let (bus, medium) = buses.iter().find_map(|bus| Some((bus, carried(bus)?)))?;
+        let (name, carries) = (&bus.info().name, medium.carries());
+        Some(format!("--protocol {}: {name} carries {carries}, which are none of it", given.name))
+    });
+    missing.chain(other).collect()
+}
+
+/// What was heard on a bus.
+fn carried(bus: &Bus) -> Option<Medium> {
+    match bus.counts() {
+        LineCounts { frames: 1.., .. } => Some(Medium::Can),
+        LineCounts { characters: 1.., .. } => Some(Medium::Serial),
+        LineCounts { rows: 1.., .. } | LineCounts { cycles: 1.., .. } => Some(Medium::Words),
+        _ => None,
     }
 }
 
@@ -306,6 +377,10 @@ fn read_eds(paths: &[PathBuf], is_quiet: bool) -> anyhow::Result<Arc<[Eds]>> {
             .and_then(|file| file.take(limit).read_to_end(&mut bytes))
             .with_context(failed)?;
         let (eds, warnings) = eds::parse(&bytes);
+        if eds == Eds::default() {
+            let path = path.display();
+            anyhow::bail!("{path}: this is no EDS file: no section of one tells anything");
+        }
         for warning in warnings.iter().filter(|_| !is_quiet) {
             say!("fieldtap: warning: {}: {warning}", path.display());
         }

@@ -66,7 +66,11 @@ impl<F: std::os::fd::AsFd> Read for Live<F> {
                 Ok(0) | Err(rustix::io::Errno::INTR) => {}
                 // Data, the end, or an error: all of them are for read to tell. Not that of the
                 // standard library, whose buffer would hold back what poll waits for.
-                Ok(_) | Err(_) => return Ok(rustix::io::read(&self.0, buffer)?),
+                Ok(_) | Err(_) => match rustix::io::read(&self.0, &mut *buffer) {
+                    // Another reader of the same pipe was faster.
+                    Err(rustix::io::Errno::AGAIN) => {}
+                    read => return Ok(read?),
+                },
             }
         }
         Ok(0)

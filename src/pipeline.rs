@@ -2,7 +2,7 @@
 
 use crate::source::{Piece, Source, SourceError};
 use dissectors::bus::{Bus, WireFacts};
-use dissectors::event::Moment;
+use dissectors::event::{Event, Moment};
 use dissectors::protocol::Settings;
 use dissectors::record::{BusInfo, Output, Sink};
 
@@ -29,6 +29,43 @@ struct Channel {
     info: BusInfo,
     bus: usize,
     wire: usize,
+    /// Only the first of characters that come together has a stamp.
+    is_spaced: bool,
+    /// The last stamp.
+    last: Moment,
+}
+
+impl Channel {
+    /// How often time runs backwards in what is heard. Ticks of levels cannot; times that were
+    /// spread over what one read or one packet brought are no stamps.
+    fn steps_back(&mut self, event: &Event<'_>) -> u64 {
+        match event {
+            Event::Characters(heard) => {
+                let most = if self.is_spaced { 1 } else { heard.len() };
+                let stamped = heard.iter().take(most).filter(|heard| !heard.is_interpolated());
+                self.count_steps_back(stamped.map(|heard| (heard.start, heard.uncertainty)))
+            }
+            Event::Frames(frames) => {
+                self.count_steps_back(frames.iter().map(|frame| (frame.start, frame.uncertainty)))
+            }
+            Event::Rows(rows) => {
+                self.count_steps_back(rows.iter().map(|row| (row.start, row.uncertainty)))
+            }
+            _ => 0,
+        }
+    }
+
+    /// Counts steps back by more than what stamps are off anyway: their ± is what their last digit
+    /// is worth, or more.
+    fn count_steps_back(&mut self, stamps: impl Iterator<Item = (Moment, u32)>) -> u64 {
+        let mut count = 0;
+        for (time, uncertainty) in stamps.filter(|(time, _)| time.is_known()) {
+            let back = self.last.since(time).unwrap_or(0);
+            count += u64::from(back > 0 && back >= i64::from(uncertainty));
+            self.last = time;
+        }
+        count
+    }
 }
 
 /// The buses of a run. Several sources go through it one after the other as one stream.
@@ -39,6 +76,7 @@ pub struct Pipeline {
     /// Where the capture of each bus ended.
     ends: Vec<Moment>,
     last_number: u64,
+    steps_back: u64,
 }
 
 impl Pipeline {
@@ -50,7 +88,13 @@ impl Pipeline {
             channels: Vec::new(),
             ends: Vec::new(),
             last_number: 0,
+            steps_back: 0,
         }
+    }
+
+    /// What the user decided.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The buses that appeared so far.
@@ -61,6 +105,12 @@ impl Pipeline {
     /// How many records there were.
     pub fn records(&self) -> u64 {
         self.last_number
+    }
+
+    /// How often something was heard on a channel that bears an earlier time than what was heard
+    /// there before.
+    pub fn steps_back(&self) -> u64 {
+        self.steps_back
     }
 
     /// Passes everything of a source on, for as long as the consumer wants more. Buses of the same
@@ -96,7 +146,9 @@ impl Pipeline {
                 numbers.push(number);
             }
             Piece::Heard(number, event) => {
-                let Channel { bus, wire, .. } = self.channels[numbers[number]];
+                let channel = &mut self.channels[numbers[number]];
+                self.steps_back += channel.steps_back(&event);
+                let Channel { bus, wire, .. } = *channel;
                 let mut out = Output::new(&mut self.last_number, &mut *consumer);
                 self.buses[bus].hear_wire(wire, event, &mut out);
             }
@@ -135,7 +187,13 @@ impl Pipeline {
             self.ends.push(Moment::UNKNOWN);
             (self.buses.len() - 1, 0)
         });
-        self.channels.push(Channel { info, bus, wire });
+        self.channels.push(Channel {
+            info,
+            bus,
+            wire,
+            is_spaced: facts.spacing_is_assumed,
+            last: Moment::UNKNOWN,
+        });
         self.channels.len() - 1
     }
 

@@ -127,6 +127,10 @@ pub struct Tally {
     pub period: Option<Period>,
     /// Largest ± of a stamp in ns.
     pub uncertainty: u32,
+    /// Lines of the sources that could not be read and were left out.
+    pub unread: u64,
+    /// The numbers of all stations that records were of, a bit each.
+    heard: [u64; 16],
     /// Where the stations of each bus stand.
     places: Vec<Places>,
 }
@@ -187,6 +191,12 @@ impl Tally {
     pub fn count(&self, severity: Severity) -> u64 {
         let this_bad = self.findings.iter().filter(|finding| finding.code.severity == severity);
         this_bad.map(|finding| finding.count).sum()
+    }
+
+    /// Whether a record was of the station of this number, on any bus.
+    pub fn has_heard(&self, station: u16) -> bool {
+        let bits = self.heard.get(usize::from(station / 64));
+        bits.is_none_or(|bits| bits & (1 << (station % 64)) != 0)
     }
 
     fn station(&mut self, bus: &str, station: u16) -> usize {
@@ -271,6 +281,9 @@ impl Sink for Tally {
         self.period.get_or_insert(Period::NEVER).add(record.start);
         self.uncertainty = self.uncertainty.max(record.uncertainty);
         if let Some(station) = record.station {
+            if let Some(bits) = self.heard.get_mut(usize::from(station / 64)) {
+                *bits |= 1 << (station % 64);
+            }
             self.add_station(record, station);
         }
         self.add_findings(record);

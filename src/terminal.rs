@@ -5,7 +5,27 @@ use std::io::{self, Write};
 
 /// Adds text from outside: what would steer a terminal, a line's end included, becomes a dot.
 pub fn push_clean(text: &mut String, from: &str) {
-    text.extend(from.chars().map(|c| if c.is_control() { '·' } else { c }));
+    text.extend(from.chars().map(|c| if steers(c) { '·' } else { c }));
+}
+
+/// Does the same to text from outside that was written there, from `start` on.
+pub fn clean_from(text: &mut Vec<u8>, start: usize) {
+    // Control characters, and how those begin that have more than one byte: nearly no text has any.
+    let may_steer = |byte: &u8| matches!(byte, 0..=0x1F | 0x7F | 0xC2 | 0xD8 | 0xE2);
+    if !text[start..].iter().any(may_steer) {
+        return;
+    }
+    let cleaned = clean(&String::from_utf8_lossy(&text[start..]));
+    text.truncate(start);
+    text.extend(cleaned.into_bytes());
+}
+
+/// Control characters, and the marks that change the direction of writing (Unicode UAX #9): with
+/// them a name shows itself and what follows as something else.
+fn steers(c: char) -> bool {
+    let turns = matches!(c, '\u{61C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}')
+        || matches!(c, '\u{2066}'..='\u{2069}');
+    c.is_control() || turns
 }
 
 /// The same as a text of its own.
@@ -24,4 +44,25 @@ pub fn say_line(words: fmt::Arguments<'_>) {
 #[macro_export]
 macro_rules! say {
     ($($words:tt)*) => { $crate::terminal::say_line(format_args!($($words)*)) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// C0, DEL, C1, and every mark of direction that UAX #9 names.
+    #[test]
+    fn nothing_that_steers_a_terminal_is_left() {
+        let marks = "\u{1B}\u{B}\u{10}\u{12}\r\n\u{7F}\u{85}\u{9B}\u{61C}\u{200E}\u{200F}\u{202A}\
+                     \u{202B}\u{202C}\u{202D}\u{202E}\u{2066}\u{2067}\u{2068}\u{2069}";
+        for mark in marks.chars() {
+            assert_eq!(clean(&format!("can{mark}0")), "can·0", "{mark:?}");
+            let mut cell = format!("{mark},can{mark}0").into_bytes();
+            let start = mark.len_utf8() + 1;
+            clean_from(&mut cell, start);
+            assert_eq!(String::from_utf8(cell), Ok(format!("{mark},can·0")), "{mark:?}");
+        }
+        let names = "Größe ±3 µs → „Halle“ Ω 中 é";
+        assert_eq!(clean(names), names);
+    }
 }

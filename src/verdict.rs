@@ -27,17 +27,36 @@ pub struct Verdict {
     pub open: String,
 }
 
+/// What ended a run before its source did.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Cut {
+    /// The source could not go on.
+    Failure,
+    /// The user interrupted.
+    Interruption,
+}
+
+impl Cut {
+    /// What was not judged for it.
+    const fn open(self) -> &'static str {
+        match self {
+            Cut::Failure => "what comes after the source's failure",
+            Cut::Interruption => "what comes after the interruption",
+        }
+    }
+}
+
 impl Verdict {
     /// Sums a run up.
-    pub fn of(tally: &Tally, pipeline: &Pipeline, clock: &Clock, has_failed: bool) -> Verdict {
+    pub fn of(tally: &Tally, pipeline: &Pipeline, clock: &Clock, cut: Option<Cut>) -> Verdict {
         let buses = pipeline.buses();
         let several = buses.len() > 1;
-        let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline));
+        let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline, cut));
         Verdict {
             line: clean(&line(buses, several)),
             who: clean(&who(tally, several)),
             wrong: clean(&wrong),
-            open: clean(&open(tally, buses, has_failed)),
+            open: clean(&open(tally, pipeline, cut)),
         }
     }
 
@@ -213,7 +232,7 @@ fn who_of(stations: &[&StationTally]) -> String {
 }
 
 /// What a bus without a finding is told.
-fn nothing(tally: &Tally, pipeline: &Pipeline) -> String {
+fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let (shown, all) = (tally.records, pipeline.records());
     if all == 0 {
         return "nothing was heard".to_owned();
@@ -224,7 +243,8 @@ fn nothing(tally: &Tally, pipeline: &Pipeline) -> String {
     let infos = tally.count(Severity::Info);
     let infos = if infos > 0 { format!(", {}", counted(infos, "note")) } else { String::new() };
     let of = if shown < all { format!(" selected of {all}") } else { String::new() };
-    format!("nothing found in {}{of}{infos}; {}", counted(shown, "record"), judged(tally, pipeline))
+    let judged = judged(tally, pipeline, cut);
+    format!("nothing found in {}{of}{infos}; {judged}", counted(shown, "record"))
 }
 
 /// The worst that was found, and what to do about it.
@@ -277,11 +297,13 @@ fn counted(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-fn judged(tally: &Tally, pipeline: &Pipeline) -> String {
+fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
+    let unread = (tally.unread > 0).then_some("lines that could not be read");
     let names = tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name));
     let parity = (unknown_parity(pipeline.buses()) > 0).then_some("parity");
     let load = is_load_open(pipeline.buses()).then_some("load");
-    let names: Vec<&str> = names.chain(parity).chain(load).collect();
+    let whole = cut.map(Cut::open).into_iter().chain(unread);
+    let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).collect();
     match names.as_slice() {
         [] => "everything was judged".to_owned(),
         names => format!("all judged but {}", names.join(", ")),
@@ -311,10 +333,14 @@ fn without_rate(buses: &[Bus]) -> Option<String> {
     })
 }
 
-fn open(tally: &Tally, buses: &[Bus], has_failed: bool) -> String {
-    let mut open: Vec<String> = Vec::new();
-    if has_failed {
-        open.push("what comes after the source's failure".to_owned());
+fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
+    let buses = pipeline.buses();
+    let mut open: Vec<String> = cut.map(|cut| cut.open().to_owned()).into_iter().collect();
+    if tally.unread > 0 {
+        open.push(format!("{} could not be read", counted(tally.unread, "line")));
+    }
+    if let times @ 1.. = pipeline.steps_back() {
+        open.push(format!("times run backwards {times} x"));
     }
     for (name, count) in &tally.withheld {
         let name = name.rsplit('.').next().unwrap_or(name);

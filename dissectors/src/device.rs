@@ -36,6 +36,15 @@ impl Profile {
         }
     }
 
+    /// The name of the protocol that such a device speaks.
+    #[must_use]
+    pub const fn protocol(self) -> &'static str {
+        match self {
+            Profile::DeviceNet(_) => "devicenet",
+            Profile::Interbus(_) => "interbus",
+        }
+    }
+
     /// The profile, where it is one of DeviceNet.
     #[must_use]
     pub const fn on_devicenet(self) -> Option<devicenet::encoder::Profile> {
@@ -61,6 +70,9 @@ mod tests {
         let la66 = interbus::Profile::La66 { measuring_length_um: Some(500_000) };
         assert_eq!(Profile::parse("la66:500mm"), Some(Profile::Interbus(la66)));
         assert_eq!(Profile::parse("la67"), None);
+        for profile in [Profile::DeviceNet(encoder), Profile::Interbus(la66)] {
+            assert!(crate::protocol::Protocol::named(profile.protocol()).is_some());
+        }
     }
 
     #[test]

@@ -54,7 +54,8 @@ pub struct Code {
 /// What to do first, in a few words.
 #[derive(Debug)]
 pub struct Cure {
-    /// Where one station is hit; its number is put behind it.
+    /// Where one station is hit: ` of ` and its number are put behind it, so it ends in something
+    /// that a station has.
     pub one: &'static str,
     /// Where it is the bus.
     pub all: &'static str,

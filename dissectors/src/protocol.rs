@@ -94,6 +94,18 @@ pub fn codes() -> impl Iterator<Item = &'static Code> {
     PROTOCOLS.into_iter().flat_map(|protocol| protocol.codes.iter().copied())
 }
 
+impl Medium {
+    /// What it carries, in words.
+    #[must_use]
+    pub const fn carries(self) -> &'static str {
+        match self {
+            Medium::Serial => "characters",
+            Medium::Can => "CAN frames",
+            Medium::Words => "process words",
+        }
+    }
+}
+
 /// What the user decided; everything else is found out.
 #[derive(Clone, Default, Debug)]
 pub struct Settings {

@@ -250,7 +250,7 @@ fn busyness(buses: &[Bus]) -> String {
         let _ = writeln!(
             text,
             "{:<8} {:>8} {:>8} {:>8} {:>9} {:>9}  {rate}",
-            bus.info().name,
+            clean(&bus.info().name),
             counts.frames,
             counts.error_frames,
             counts.losses,

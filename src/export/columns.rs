@@ -1,6 +1,7 @@
 //! Columns of a table: which fields of a record, and how they are written.
 
 use crate::clock::Exact;
+use crate::terminal::clean_from;
 use dissectors::field::{FieldId, Role, Value};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::record::Record;
@@ -286,9 +287,11 @@ fn text(words: &str, cell: &mut Vec<u8>) -> Cell {
     Cell::Text
 }
 
-/// A spreadsheet runs a cell that begins in one of these ways as a formula.
+/// A terminal obeys control characters, and a spreadsheet runs a cell that begins in one of these
+/// ways as a formula.
 fn make_harmless(cell: &mut Vec<u8>, start: usize) {
-    if matches!(cell.get(start), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r')) {
+    clean_from(cell, start);
+    if matches!(cell.get(start), Some(b'=' | b'+' | b'-' | b'@')) {
         cell.insert(start, b'\'');
     }
 }

@@ -8,7 +8,7 @@ use crate::pipeline::{Consumer, Pipeline};
 use crate::say;
 use crate::source::{Outbox, Piece, Source, SourceError};
 use crate::tally::Tally;
-use crate::verdict::Verdict;
+use crate::verdict::{Cut, Verdict};
 use dissectors::event::{Loss, LossCause, Moment};
 use dissectors::finding::{Code, Finding, Severity, State};
 use dissectors::protocol::{Settings, codes};
@@ -106,7 +106,7 @@ impl Watcher {
     /// The last four lines.
     pub fn verdict(&self, has_failed: bool) -> Option<Verdict> {
         let pipeline = self.pipeline.as_ref()?;
-        Some(Verdict::of(&self.tally, pipeline, &self.clock, has_failed))
+        Some(Verdict::of(&self.tally, pipeline, &self.clock, has_failed.then_some(Cut::Failure)))
     }
 }
 
@@ -267,7 +267,9 @@ impl Consumer for Watcher {
 
     fn comment(&mut self, _: &BusInfo, _: Moment, _: &str) {}
 
-    fn warn(&mut self, _: &SourceError) {}
+    fn warn(&mut self, warning: &SourceError) {
+        self.tally.unread += warning.left_out;
+    }
 
     fn note(&mut self, _: &str) {}
 

@@ -26,12 +26,25 @@ pub struct SourceError {
     pub what: String,
     /// The system's own words, if it was the system.
     pub cause: Option<io::Error>,
+    /// Lines that could not be read and were left out, where this tells of them.
+    pub left_out: u64,
 }
 
 impl SourceError {
     /// An error that fieldtap found in what it read.
     pub fn new(source: &str, place: Place, what: impl Into<String>) -> Self {
-        SourceError { source: source.to_owned(), place, what: what.into(), cause: None }
+        SourceError {
+            source: source.to_owned(),
+            place,
+            what: what.into(),
+            cause: None,
+            left_out: 0,
+        }
+    }
+
+    /// The same where it tells that so many lines could not be read and were left out.
+    pub fn leaving_out(self, lines: u64) -> Self {
+        SourceError { left_out: lines, ..self }
     }
 
     /// An error of the system while it read.

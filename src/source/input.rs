@@ -32,7 +32,7 @@ impl Input {
             return Input::of("standard input", Live(io::stdin()));
         }
         let whole = |cause| SourceError::io(name, Place::Whole, cause);
-        let file = File::open(name).map_err(whole)?;
+        let file = open(name).map_err(whole)?;
         let kind = file.metadata().map_err(whole)?.file_type();
         if kind.is_dir() {
             return Err(whole(io::ErrorKind::IsADirectory.into()));
@@ -101,6 +101,21 @@ impl Input {
             }
         }
     }
+}
+
+/// Opens a file. To open a pipe that nobody writes to would wait, and no signal end that: it is
+/// waited for when it is read.
+fn open(name: &str) -> io::Result<File> {
+    let mut options = File::options();
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+        if std::fs::metadata(name)?.file_type().is_fifo() {
+            options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed());
+        }
+    }
+    options.open(name)
 }
 
 impl Read for Input {

@@ -115,6 +115,17 @@ enum Members {
     Cut(File),
 }
 
+/// Refuses a stream that is no archive before all of it is copied: it need not have an end.
+fn check_beginning(input: &mut Input) -> Result<(), SourceError> {
+    const MARK: &[u8] = b"PK";
+    while input.head().len() < MARK.len() && input.look_further()? {}
+    if input.head().starts_with(MARK) {
+        return Ok(());
+    }
+    let what = "this is no zip archive, and so no sigrok session";
+    Err(SourceError::new(&input.name, Place::Byte(0), what))
+}
+
 impl Archive {
     fn open(mut input: Input) -> Result<Archive, SourceError> {
         let name = input.name.clone();
@@ -123,6 +134,7 @@ impl Archive {
         let file = match input.file() {
             Some(file) => file.try_clone().map_err(failed)?,
             None => {
+                check_beginning(&mut input)?;
                 let mut spool = tempfile::tempfile().map_err(failed)?;
                 io::copy(&mut input, &mut spool).map_err(failed)?;
                 spool

@@ -243,3 +243,13 @@ fn the_readme_shows_what_is_printed() {
         assert!(printed.contains(&line), "{line}");
     }
 }
+
+/// The last lines put `of 23` behind the cure for a station: it must end in a word that takes that.
+#[test]
+fn cures_for_one_station_take_its_number() {
+    let open = ["at", "of", "to", "from", "with", "around", "device", "station", "slave", "auto"];
+    for code in dissectors::protocol::codes() {
+        let last = code.cure.one.rsplit(' ').next().expect("it has a word");
+        assert!(!open.contains(&last), "{}: {} of 23", code.name, code.cure.one);
+    }
+}

@@ -38,6 +38,8 @@ fn records_come_while_the_source_goes_on_and_an_interruption_ends_well() {
     let mut told = String::new();
     child.stderr.take().expect("it is piped").read_to_string(&mut told).expect("UTF-8");
     assert!(told.contains("WHO    asked 0 | answered 0"), "{told}");
+    assert!(told.contains("\nOPEN   what comes after the interruption"), "{told}");
+    assert!(!told.contains("everything was judged"), "{told}");
     assert!(!told.contains("fieldtap:"), "what is cut is not the source's fault: {told}");
     drop(stdin);
 }

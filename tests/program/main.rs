@@ -19,6 +19,7 @@ mod lines;
 mod live;
 #[cfg(target_os = "linux")]
 mod live_can;
+mod mistakes;
 #[cfg(target_os = "linux")]
 mod passive;
 mod peers;

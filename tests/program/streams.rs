@@ -66,3 +66,50 @@ fn nothing_is_lost_where_time_jumps_back_and_forth() {
     let bytes = |record: &serde_json::Value| record["raw"].as_str().map_or(0, |raw| raw.len() / 2);
     assert_eq!(run.records().iter().map(bytes).sum::<usize>(), 5);
 }
+
+/// Every medium that has stamps says once how often they run backwards: nothing of what lies
+/// between is judged well.
+#[test]
+fn times_that_run_backwards_are_open() {
+    for capture in [
+        "time,byte,parity\n0.0,83,ok\n9.0,83,ok\n0.1,5C,ok\n0.2,5C,ok\n0.1,5C,ok\n",
+        "(1.0) can0 123#\n(2.0) can0 123#\n(1.5) can0 123#\n(1.5) can0 123#\n(0.5) can0 123#\n",
+        "time,out,in\n1.0,0,0\n2.0,0,0\n1.5,0,0\n1.5,0,0\n0.5,0,0\n",
+    ] {
+        let run = fieldtap_fed(["stats", "-"], capture.as_bytes()).good();
+        let open = run.stdout.lines().find(|line| line.starts_with("OPEN")).expect("there is one");
+        assert_eq!(open.matches("times run backwards 2 x").count(), 1, "{open}");
+    }
+}
+
+/// 116 lines are wrong, of which 20 are told one by one.
+#[test]
+fn lines_that_could_not_be_read_are_open() {
+    let wrong = |line: &str| line.repeat(116);
+    let frames = format!("(1.0) can0 123#\n{}(2.0) can0 123#\n", wrong("(1.5) can0 123\n"));
+    let rows = format!("time,out,in\n1.0,0,0\n{}2.0,0,0\n", wrong("1.5,G,0\n"));
+    for capture in [frames, rows] {
+        let run = fieldtap_fed(["stats", "-"], capture.as_bytes()).good();
+        let line = |heading: &str| {
+            let line = run.stdout.lines().find(|line| line.starts_with(heading));
+            line.expect("there is one").to_owned()
+        };
+        assert!(line("OPEN").contains("116 lines could not be read"), "{}", run.stdout);
+        let judged = "all judged but lines that could not be read";
+        assert!(line("WRONG").contains(judged), "{}", run.stdout);
+    }
+}
+
+/// Names come from the capture and go to a terminal: the table of buses, the last lines, cells.
+#[test]
+fn names_do_not_steer_the_terminal() {
+    let frames = "(1.0) c\u{1B}[31m\u{B}\u{10}\u{12}\u{202E}n 123#\n(2.0) d\u{9B}\u{2066} 123#\n";
+    for command in [&["stats"][..], &["read"], &["read", "--format", "csv"]] {
+        let run = fieldtap_fed(command.iter().copied().chain(["-"]), frames.as_bytes()).good();
+        let steers = |c: char| c.is_control() && c != '\n' || "\u{202E}\u{2066}".contains(c);
+        for told in [&run.stdout, &run.stderr] {
+            assert!(!told.contains(steers), "{command:?}: {told:?}");
+        }
+        assert!(run.stdout.contains("c·[31"), "{command:?}: {}", run.stdout);
+    }
+}

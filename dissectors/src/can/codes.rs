@@ -66,7 +66,7 @@ pub static BUS_OFF: Code = Code {
         TERMINATION,
     ],
     cure: Cure {
-        one: "set the tap to listen-only",
+        one: "set the tap to listen-only at the drop",
         all: "set the tap to listen-only and check its bit rate",
     },
     say: |_, _, out| write!(out, "the tap's controller left the bus"),
@@ -131,7 +131,7 @@ pub static TRUNCATED: Code = Code {
     evidence: "The length that the frame claims against the bytes that are in the capture.",
     causes: &["the capture was made with a snap length", "the line of the log was cut or edited"],
     next: &["capture again without a snap length (tcpdump -s 0)"],
-    cure: Cure { one: "capture again in full", all: "capture again in full" },
+    cure: Cure { one: "capture again in full the frames", all: "capture again in full" },
     say: |finding, _, out| match (finding.actual, finding.expected) {
         (Some(actual), Some(expected)) => {
             write!(out, "cut: {actual} of {expected} data bytes")
@@ -156,7 +156,7 @@ pub static DROPPED: Code = Code {
         "capture on an idle computer, or with a larger buffer",
         "compare with the number of frames that the interface counted: ip -s link show can0",
     ],
-    cure: Cure { one: "capture again", all: "capture again on an idle computer" },
+    cure: Cure { one: "capture again the frames", all: "capture again on an idle computer" },
     say: |_, record, out| match record.lost() {
         Some(1) => write!(out, "one frame was lost"),
         Some(count) => write!(out, "{count} frames were lost"),
@@ -179,7 +179,7 @@ pub static NOT_ACKNOWLEDGED: Code = Code {
     ],
     next: &["count the nodes that are powered: it takes two besides the tap", RATE, TERMINATION],
     cure: Cure {
-        one: "connect a second node besides",
+        one: "connect a second node to the bus",
         all: "connect a second node, check bit rates",
     },
     say: |finding, _, out| match finding.actual {
@@ -219,7 +219,10 @@ pub static WRONG_BITRATE: Code = Code {
         "let --bitrate auto and --invert auto find out about line captures; set a CAN interface to 125000, 250000, 500000 in turn",
         RATE,
     ],
-    cure: Cure { one: "--bitrate auto", all: "set the tap to another bit rate" },
+    cure: Cure {
+        one: "use --bitrate auto, check the bit rate",
+        all: "set the tap to another bit rate",
+    },
     say: |finding, _, out| match (finding.expected, finding.actual) {
         (Some(found), Some(set)) if found == set => {
             write!(out, "the pulses are those of {found} bit/s, but upside down")
@@ -252,7 +255,10 @@ pub static HIGH_LOAD: Code = Code {
         "encoders: raise the COS delta (class 2Fh attribute 11) or the inhibit time (class 5 attribute 17)",
         "scanner: raise the interscan delay",
     ],
-    cure: Cure { one: "produce less often at", all: "raise inhibit times or the interscan delay" },
+    cure: Cure {
+        one: "produce less often: raise inhibit time or COS delta",
+        all: "raise inhibit times or the interscan delay",
+    },
     say: |finding, _, out| {
         let permille = finding.actual.unwrap_or_default();
         write!(out, "the bus is {}.{} % busy", permille / 10, permille % 10)

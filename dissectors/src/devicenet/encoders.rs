@@ -201,7 +201,17 @@ impl Encoders {
         let is_used = |place| self.stations.iter().any(|station| station.eds == Some(place));
         for (_, file) in self.files.iter().enumerate().filter(|(place, _)| !is_used(*place)) {
             let value = format!("{} of no station", file.device.product_name);
-            let evidence = "nobody told its vendor, product code, type and revision".to_owned();
+            // Whose file it is was told by nobody, or all who told are others.
+            let is_told = |station: &Station| {
+                station.identity.vendor.zip(station.identity.product_code).is_some()
+            };
+            let evidence = match self.stations.iter().any(is_told) {
+                true => {
+                    "vendor, product code, type or revision that stations told are not those of it"
+                }
+                false => "nobody told its vendor, product code, type and revision",
+            };
+            let evidence = evidence.to_owned();
             all.push(Conclusion { subject: "EDS", station: None, value: Some(value), evidence });
         }
         all

@@ -204,7 +204,7 @@ pub static TOO_MANY_WORDS: Code = Code {
         "look at the additional word: always the same value at the same place is a ghost, changing values are a second encoder",
         IDENT,
     ],
-    cure: Cure { one: "check Ident jumpers and bias", all: "check bias" },
+    cure: Cure { one: "check bias, and the Ident jumpers", all: "check bias" },
     say: |finding, _, out| {
         write!(
             out,
@@ -326,7 +326,10 @@ pub static RESERVED_BITS: Code = Code {
         "see whether every request has them: then it is the master's program",
         "read with --profile auto",
     ],
-    cure: Cure { one: "check the master's program for station", all: "check the master's program" },
+    cure: Cure {
+        one: "check in the master's program the request bytes",
+        all: "check the master's program",
+    },
     say: |finding, _, out| {
         write!(out, "reserved bits of the request are {:03b}", finding.actual.unwrap_or_default())
     },
@@ -377,7 +380,7 @@ pub static LATE_ANSWER: Code = Code {
         "see whether it is always the same station: then exchange it with another of its kind",
     ],
     cure: Cure {
-        one: "compare the master's time-out with station",
+        one: "compare the master's time-out with the response times",
         all: "compare the master's time-out",
     },
     say: |finding, record, out| {
@@ -441,7 +444,7 @@ pub static NOT_SLIN: Code = Code {
         "read as plain characters: --protocol uart",
     ],
     cure: Cure {
-        one: "compare the encoder's type code; --protocol uart",
+        one: "try --protocol uart; compare the type code",
         all: "compare the encoder's type code; --protocol uart",
     },
     say: |finding, _, out| match finding.actual {
@@ -474,7 +477,7 @@ pub static GLITCH: Code = Code {
         "driver switching at turnaround, nearly always harmless",
     ],
     next: &[BIAS, WIRING],
-    cure: Cure { one: "check bias", all: "check bias" },
+    cure: Cure { one: "check bias at the drop cable", all: "check bias" },
     say: |finding, record, out| {
         let first = finding.characters.trailing_zeros() as usize;
         let read_as = record.characters().get(first).map_or(0xFF, Character::value);

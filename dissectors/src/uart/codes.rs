@@ -84,7 +84,7 @@ pub static OVERRUN: Code = Code {
         "do not take findings next to the gap for faults of the bus",
     ],
     cure: Cure {
-        one: "record again with less running beside it",
+        one: "record with less running beside it the traffic",
         all: "record again with less running beside it",
     },
     say: |_, record, out| lost(record, out, "the receiver was overrun"),
@@ -108,7 +108,7 @@ pub static LOST: Code = Code {
         "do not take findings next to the gap for faults of the bus",
     ],
     cure: Cure {
-        one: "record again; judge nothing next to the gap",
+        one: "judge nothing next to the gap; record again the traffic",
         all: "record again; judge nothing next to the gap",
     },
     say: |_, record, out| lost(record, out, "the capture has a gap"),
@@ -132,7 +132,7 @@ pub static SWAPPED_LINES: Code = Code {
         "if that makes it worse, measure the idle voltage: it must be above 200 mV",
     ],
     cure: Cure {
-        one: "swap A and B at the tap, or let --invert auto see",
+        one: "let --invert auto see, or swap A and B at the tap beside the plug",
         all: "swap A and B at the tap, or let --invert auto see",
     },
     say: |finding, _, out| {
@@ -163,7 +163,7 @@ pub static WRONG_RATE: Code = Code {
         "read the rate from the encoders' type plates and from the master's configuration",
     ],
     cure: Cure {
-        one: "set the rate of the tap, or --baud auto for line captures",
+        one: "--baud auto for line captures, or set the tap to the rate",
         all: "set the rate of the tap, or --baud auto for line captures",
     },
     say: |finding, record, out| match (finding.expected, record.wire.baud()) {
@@ -196,7 +196,7 @@ pub static WRONG_PARITY: Code = Code {
         "if the line really has odd parity, this is not a SLIN bus as the manuals describe it",
     ],
     cure: Cure {
-        one: "set the tap to 8E1, or --frame auto for line captures",
+        one: "--frame auto for line captures, or set the tap to the format",
         all: "set the tap to 8E1, or --frame auto for line captures",
     },
     say: |finding, record, out| match finding.limit {

@@ -1,14 +1,18 @@
 //! Where a capture goes, and in which form: what every bus has.
 
 use super::frequency;
+use crate::decode::INTERRUPTED;
+use crate::interrupt;
 use crate::output::Output;
 use crate::simulate::{Sampler, Samples, Sr, Vcd};
 use anyhow::{Context, Result, ensure};
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The forms that a bus can be captured in.
 pub trait Form: ValueEnum + Send + Sync + 'static {
@@ -100,10 +104,12 @@ impl<F: Form> Destination<F> {
     /// # Errors
     /// A file cannot be made.
     pub fn open(&self) -> Result<Files> {
+        interrupt::catch(INTERRUPTED);
         let capture = if self.is_stdout() { None } else { Some(Output::create(self.path())?) };
         let is_stdout = self.truth.as_deref() == Some(Path::new("-"));
         let truth = self.truth.as_deref().filter(|_| !is_stdout).map(Output::create).transpose()?;
-        Ok(Files { capture, truth, is_truth_on_stdout: is_stdout })
+        let is_told = Arc::default();
+        Ok(Files { capture, truth, is_truth_on_stdout: is_stdout, is_told })
     }
 
     /// A tap that samples these channels into the capture. A tap that was swapped sees them upside
@@ -120,7 +126,10 @@ impl<F: Form> Destination<F> {
     ) -> Result<Sampler> {
         let rate = self.samplerate;
         let capture: Box<dyn Samples> = match form {
-            Levels::Sr => Box::new(Sr::new(BufWriter::new(files.seekable()?), channels, rate)?),
+            Levels::Sr => {
+                let file = BufWriter::new(files.stoppable(files.seekable()?));
+                Box::new(Sr::new(file, channels, rate)?)
+            }
             Levels::Vcd => Box::new(Vcd::new(files.capture()?, channels, rate)?),
         };
         Ok(Sampler::new(rate, channels.len(), self.inverted != is_swapped, capture))
@@ -142,6 +151,8 @@ pub struct Files {
     capture: Option<Output>,
     truth: Option<Output>,
     is_truth_on_stdout: bool,
+    /// Whether a writer has told of the user's interruption.
+    is_told: Arc<AtomicBool>,
 }
 
 impl Files {
@@ -151,8 +162,8 @@ impl Files {
     /// The system does not let it be written.
     pub fn capture(&self) -> Result<Box<dyn Write>> {
         match &self.capture {
-            None => Ok(Box::new(BufWriter::new(io::stdout()))),
-            Some(output) => writer(output),
+            None => Ok(Box::new(BufWriter::new(self.stoppable(io::stdout())))),
+            Some(output) => self.writer(output),
         }
     }
 
@@ -164,7 +175,15 @@ impl Files {
         if self.is_truth_on_stdout {
             return Ok(Some(Box::new(BufWriter::new(io::stdout()))));
         }
-        self.truth.as_ref().map(writer).transpose()
+        self.truth.as_ref().map(|output| self.writer(output)).transpose()
+    }
+
+    fn writer(&self, output: &Output) -> Result<Box<dyn Write>> {
+        Ok(Box::new(BufWriter::new(self.stoppable(output.file().try_clone()?))))
+    }
+
+    fn stoppable<W>(&self, inner: W) -> Stoppable<W> {
+        Stoppable { inner, is_told: Arc::clone(&self.is_told) }
     }
 
     fn seekable(&self) -> Result<File> {
@@ -175,14 +194,40 @@ impl Files {
     /// All is written.
     ///
     /// # Errors
-    /// A file cannot get its name.
+    /// A file cannot get its name, or the user interrupted before all was written.
     pub fn keep(self) -> Result<()> {
+        ensure!(!interrupt::came(), "interrupted");
         self.capture.map(Output::replace).transpose()?;
         self.truth.map(Output::replace).transpose()?;
         Ok(())
     }
 }
 
-fn writer(output: &Output) -> Result<Box<dyn Write>> {
-    Ok(Box::new(BufWriter::new(output.file().try_clone()?)))
+/// What is written to until the user interrupts: that is an error, once for all files. What follows
+/// is lost, for an archive that is ended in haste would only complain.
+struct Stoppable<W> {
+    inner: W,
+    is_told: Arc<AtomicBool>,
+}
+
+impl<W: Write> Write for Stoppable<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !interrupt::came() {
+            return self.inner.write(bytes);
+        }
+        match self.is_told.swap(true, Ordering::Relaxed) {
+            true => Ok(bytes.len()),
+            false => Err(io::Error::other("interrupted")),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+impl<W: Seek> Seek for Stoppable<W> {
+    fn seek(&mut self, place: SeekFrom) -> io::Result<u64> {
+        self.inner.seek(place)
+    }
 }

@@ -5,6 +5,8 @@ mod devicenet;
 mod interbus;
 mod slin;
 
+use crate::decode::INTERRUPTED;
+use crate::interrupt;
 use crate::say;
 use crate::simulate::{MS, Orderable, Ps, seconds};
 use anyhow::Result;
@@ -61,6 +63,10 @@ fn end<S>(written: Result<S>, tell: impl FnOnce(S)) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Err(_) if interrupt::came() => {
+            say!("fieldtap: interrupted: nothing is kept of what was not all written");
+            ExitCode::from(INTERRUPTED)
+        }
         Err(error) => {
             say!("fieldtap: {error:#}");
             ExitCode::from(3)

@@ -164,7 +164,7 @@ impl<G: Grammar> Log<G> {
             Err(Problem::Bad(what)) if is_whole => {
                 counts.bad += 1;
                 if counts.bad <= MOST_TOLD {
-                    out.warning(lines.error(format!("{what}: left out")));
+                    out.warning(lines.error(format!("{what}: left out")).leaving_out(1));
                 }
             }
             _ => return Err(lines.error("the file ends inside this line: it was cut")),
@@ -187,7 +187,8 @@ impl<G: Grammar> Log<G> {
             return Err(whole(what));
         }
         if let more @ 1.. = bad.saturating_sub(MOST_TOLD) {
-            out.warning(whole(format!("{more} more lines are no frames: left out")));
+            let what = format!("{more} more lines are no frames: left out");
+            out.warning(whole(what).leaving_out(more));
         }
         if let Some(first) = first_foreign {
             let lines = if *foreign == 1 { "line that holds" } else { "lines that hold" };

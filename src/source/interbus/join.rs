@@ -21,6 +21,9 @@ pub struct Join {
     next: [Vec<Row>; 2],
     is_over: [bool; 2],
     pace: [Pace; 2],
+    /// Rows of it were taken.
+    has_begun: [bool; 2],
+    is_compared: bool,
     /// The last words of each device.
     last: Vec<Sides>,
 }
@@ -52,9 +55,15 @@ impl Pace {
 impl Join {
     /// To be joined to a first one.
     pub fn new(second: File) -> Self {
-        let (next, is_over) = ([Vec::new(), Vec::new()], [false; 2]);
-        let pace = [Pace { last: Moment::UNKNOWN, longest: 0 }; 2];
-        Join { second, next, is_over, pace, last: vec![(None, None); PLACES] }
+        Join {
+            second,
+            next: [Vec::new(), Vec::new()],
+            is_over: [false; 2],
+            pace: [Pace { last: Moment::UNKNOWN, longest: 0 }; 2],
+            has_begun: [false; 2],
+            is_compared: false,
+            last: vec![(None, None); PLACES],
+        }
     }
 
     /// The second log.
@@ -65,14 +74,14 @@ impl Join {
     /// Reads the next row, or those of the next line. False at the end of both.
     ///
     /// # Errors
-    /// One of them cannot be read any further.
+    /// One of them cannot be read any further, or their times cannot be compared.
     pub fn read(
         &mut self,
         first: &mut File,
         rows: &mut Vec<Row>,
         out: &mut Outbox,
     ) -> Result<bool, SourceError> {
-        for (file, index) in [(first, 0), (&mut self.second, 1)] {
+        for (file, index) in [(&mut *first, 0), (&mut self.second, 1)] {
             while self.next[index].is_empty() && !self.is_over[index] {
                 self.is_over[index] = !file.read(&mut self.next[index], out)?;
             }
@@ -80,14 +89,46 @@ impl Join {
         let start = |index: usize| self.next[index].first().map(|row| row.start);
         let takes = match (start(0), start(1)) {
             (None, None) => return Ok(false),
-            (Some(_), None) => [true, false],
-            (None, Some(_)) => [false, true],
-            (Some(first), Some(second)) => takes(first, second),
+            (Some(next), None) => self.goes_on(0, next)?,
+            (None, Some(next)) => self.goes_on(1, next)?,
+            (Some(one), Some(other)) => {
+                self.compare(first)?;
+                takes(one, other)
+            }
         };
+        (0..2).for_each(|index| self.has_begun[index] |= takes[index]);
         let taken = (0..2).filter(|index| takes[*index]);
         taken.clone().for_each(|index| self.learn(index));
         taken.for_each(|index| self.tell(index, rows));
         Ok(true)
+    }
+
+    /// Whether the times of both are counted from the same moment, as far as their first ones tell.
+    fn compare(&mut self, first: &File) -> Result<(), SourceError> {
+        if std::mem::replace(&mut self.is_compared, true) {
+            return Ok(());
+        }
+        match (self.second.base(), first.base()) {
+            (Some(own), Some(others)) if own != others => Err(self.second.error(format!(
+                "its times are {}, those of {} are {}: they cannot be joined",
+                own.name(),
+                first.name(),
+                others.name()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Which log goes on where the other has no more. One that has not begun by then has nothing in
+    /// common with the other, unless that one is empty.
+    fn goes_on(&self, index: usize, next: Moment) -> Result<[bool; 2], SourceError> {
+        if next.is_known() && !self.has_begun[index] && self.has_begun[1 - index] {
+            return Err(self.second.error(
+                "one log begins after the other has ended, so that they cannot be joined: check \
+                 their clocks and --time-unit",
+            ));
+        }
+        Ok([index == 0, index == 1])
     }
 
     /// Takes note of the next words of one log.

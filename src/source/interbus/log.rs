@@ -8,7 +8,7 @@ use super::super::{Input, SourceError, SourceOptions};
 use super::columns::Columns;
 use super::join::Join;
 use super::layout::{Layout, Mapping, Radix};
-use super::stamps::Stamps;
+use super::stamps::{Base, Stamps};
 use super::table::{Cells, Header, Table};
 use super::words::{Words, is_surely_hex, number};
 use super::{BUS, announce};
@@ -151,6 +151,21 @@ impl File {
         });
         stamps.rewind();
         *looks_decimal = words >= ENOUGH && !is_hex;
+    }
+
+    /// Where its last time is counted from.
+    pub fn base(&self) -> Option<Base> {
+        self.stamps.base()
+    }
+
+    /// What the user calls it.
+    pub fn name(&self) -> &str {
+        self.table.name()
+    }
+
+    /// An error in the last line.
+    pub fn error(&self, what: impl Into<String>) -> SourceError {
+        self.table.error(what)
     }
 
     /// Reads the next line, and puts its rows behind those that are there. False at the end.
@@ -302,6 +317,17 @@ mod tests {
              1 Process { out: Some(B), input: Some(6) } @300000000±100000000, \
              1 Process { out: Some(B), input: Some(7) } @400000000±100000000"
         );
+        // Neither counters and dates nor times that do not overlap can be joined.
+        std::fs::write(&file, "time,in\n2024-05-03 10:41:07.1,5\n").unwrap();
+        let said = read_as("time,out\n0.2,A\n", layout.clone());
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert!(said[1].contains("its times are dates, those of test are numbers"), "{said:?}");
+        std::fs::write(&file, "time,in\n7.1,5\n").unwrap();
+        let said = read_as("time,out\n0.2,A\n0.3,A\n", layout.clone());
+        assert!(said[2].contains("one log begins after the other has ended"), "{said:?}");
+        std::fs::write(&file, "time,in\n").unwrap();
+        let said = read_as("time,out\n0.2,A\n", layout.clone());
+        assert!(said[2].contains("there is nothing in it but a header"), "{said:?}");
         // Both call their words alike.
         std::fs::write(&file, "time,value\n0.1,5\n").unwrap();
         let mapping = |text: &str| Mapping::parse(text).unwrap();

@@ -9,6 +9,28 @@ use jiff::tz::TimeZone;
 const MINUTE: i64 = 60_000_000_000;
 const DAY: i64 = 24 * 60 * MINUTE;
 
+/// Where times are counted from. Those of different bases cannot be compared.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Base {
+    /// From wherever the log began to count.
+    Counter,
+    /// From the epoch.
+    Date,
+    /// From midnight of a day that is not told.
+    Midnight,
+}
+
+impl Base {
+    /// What such times are called.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Base::Counter => "numbers",
+            Base::Date => "dates",
+            Base::Midnight => "times of day without a date",
+        }
+    }
+}
+
 /// Reads the times of one log. Dates without a zone are taken as UTC.
 pub struct Stamps {
     unit: TimeUnit,
@@ -21,6 +43,8 @@ pub struct Stamps {
     /// Midnights since the first row of a log that has times of day alone, and its last time.
     midnights: i64,
     last: i64,
+    /// That of the time that was read last.
+    base: Option<Base>,
 }
 
 impl Stamps {
@@ -33,12 +57,30 @@ impl Stamps {
             date: (Vec::new(), 0),
             midnights: 0,
             last: i64::MIN,
+            base: None,
         }
     }
 
     /// Reads a time, and its date where that has a column of its own. Returns what its last digit
     /// is worth in ns, too. An empty cell is a time that nobody knows.
     pub fn read(&mut self, date: &[u8], time: &[u8]) -> Option<(Moment, u32)> {
+        let read = self.read_time(date, time)?;
+        let is_date = || !date.is_empty() || time.iter().any(|byte| matches!(byte, b'T' | b' '));
+        self.base = match time {
+            [] => self.base,
+            _ if is_date() => Some(Base::Date),
+            _ if time.contains(&b':') => Some(Base::Midnight),
+            _ => Some(Base::Counter),
+        };
+        Some(read)
+    }
+
+    /// Where the time that was read last is counted from.
+    pub fn base(&self) -> Option<Base> {
+        self.base
+    }
+
+    fn read_time(&mut self, date: &[u8], time: &[u8]) -> Option<(Moment, u32)> {
         if let Some((ns, resolution)) = self.counted(time).filter(|_| date.is_empty()) {
             return Some(self.moment(ns, resolution));
         }

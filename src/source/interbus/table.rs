@@ -5,6 +5,7 @@ use super::super::outbox::Outbox;
 use super::super::rows::{shown, without_mark};
 use super::super::{Input, Place, SourceError};
 use super::layout::{Column, Mapping};
+use std::io::{self, Read};
 
 /// Most lines that are told of one by one.
 const MOST_TOLD: u64 = 20;
@@ -14,7 +15,7 @@ const MOST_NAMED: usize = 16;
 
 /// A table that is being read.
 pub struct Table {
-    lines: Lines<Input>,
+    lines: Lines<Ends>,
     source: String,
     /// The first bytes, to be looked at before anything is read.
     head: Vec<u8>,
@@ -24,6 +25,26 @@ pub struct Table {
     split: Split,
     good: u64,
     bad: u64,
+}
+
+/// The bytes of a table. Some programs end lines with CR alone: there it stands for LF.
+struct Ends {
+    input: Input,
+    is_cr_alone: bool,
+}
+
+impl Read for Ends {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.input.read(buffer)?;
+        if self.is_cr_alone {
+            end_lines(&mut buffer[..count]);
+        }
+        Ok(count)
+    }
+}
+
+fn end_lines(text: &mut [u8]) {
+    text.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
 }
 
 /// A line divided into cells. By hand: the csv crate takes as long to divide a row of process words
@@ -106,9 +127,15 @@ impl Table {
     /// Nothing was read yet.
     pub fn new(input: Input) -> Self {
         let source = input.name.clone();
-        let head = input.head().to_vec();
+        let mut head = input.head().to_vec();
+        // Of CR and LF, the latter may only not have come in yet: then a line that holds nothing
+        // follows each, and is passed over.
+        let is_cr_alone = head.contains(&b'\r') && !head.contains(&b'\n');
+        if is_cr_alone {
+            end_lines(&mut head);
+        }
         Table {
-            lines: Lines::new(&source, input),
+            lines: Lines::new(&source, Ends { input, is_cr_alone }),
             source,
             head,
             delimiter: b',',
@@ -134,6 +161,11 @@ impl Table {
             return Ok(header);
         }
         Ok(Header::default())
+    }
+
+    /// The source, as the user named it.
+    pub fn name(&self) -> &str {
+        &self.source
     }
 
     /// What divides the columns.
@@ -215,7 +247,7 @@ impl Table {
     fn reject(&mut self, what: &str, out: &mut Outbox) {
         self.bad += 1;
         if self.bad <= MOST_TOLD {
-            out.warning(self.lines.error(format!("{what}: left out")));
+            out.warning(self.lines.error(format!("{what}: left out")).leaving_out(1));
         }
     }
 
@@ -228,8 +260,12 @@ impl Table {
         if self.good == 0 && self.bad > 0 {
             return Err(whole(format!("no line of it is of {name}")));
         }
+        if self.good == 0 {
+            out.warning(whole("there is nothing in it but a header: no row was logged".to_owned()));
+        }
         if let more @ 1.. = self.bad.saturating_sub(MOST_TOLD) {
-            out.warning(whole(format!("{more} more lines are wrong: left out")));
+            let what = format!("{more} more lines are wrong: left out");
+            out.warning(whole(what).leaving_out(more));
         }
         Ok(())
     }
@@ -269,7 +305,7 @@ impl Header {
 
     /// That of a source that begins like this, as far as it has come in.
     pub fn peek(head: &[u8]) -> Option<Header> {
-        let lines = without_mark(head).split(|byte| *byte == b'\n');
+        let lines = without_mark(head).split(|byte| matches!(byte, b'\n' | b'\r'));
         let line = lines.map(<[u8]>::trim_ascii_end).find(|line| !is_blank(line))?;
         Header::of(line, &mut Split::default())
     }
@@ -335,6 +371,22 @@ mod tests {
         assert_eq!(cells("1.5, 00C2 ,", b','), expect(&["1.5", "00C2", ""]));
         assert_eq!(cells("\"1,5\",\"a \"\"b\"\"\",c", b','), expect(&["1,5", "a \"b\"", "c"]));
         assert_eq!(cells("\"1,5", b','), None);
+    }
+
+    #[test]
+    fn lines_may_end_with_cr_alone() {
+        assert!(Header::peek(b"time,out,in\r1.0,0,0\r").is_some_and(|header| header.has(&["in"])));
+        let text = &b"time,in\r\r1.0,5\r1.5,x\r2.0,6"[..];
+        let mut table = Table::new(Input::of("test", text).unwrap());
+        assert!(table.header().unwrap().has(&["time", "in"]));
+        table.skip_header();
+        let (mut out, mut cells) = (Outbox::default(), Vec::new());
+        let mut take = |it: Cells<'_>| {
+            cells.push(String::from_utf8_lossy(it.last()).into_owned());
+            Ok(())
+        };
+        while table.read(&mut out, &mut take).unwrap() {}
+        assert_eq!(cells, ["5", "x", "6"]);
     }
 
     #[test]

@@ -170,7 +170,10 @@ pub static LATE_PRODUCTION: Code = Code {
         "frames are missing in the capture: look for can.dropped",
     ],
     next: &[ERRORS, "look at the bus load with `fieldtap stats`"],
-    cure: Cure { one: "look at load and errors around", all: "look at the bus load" },
+    cure: Cure {
+        one: "look at load, and at errors around the messages",
+        all: "look at the bus load",
+    },
     say: |finding, _, out| match (finding.actual, finding.expected) {
         (Some(gap), Some(rate)) => {
             write!(out, "late: {} since the message before, rate {}", Span(gap), Span(rate))
@@ -193,7 +196,7 @@ pub static INHIBIT_VIOLATED: Code = Code {
         "the first message waited for a busy bus, the second did not",
     ],
     next: &["read the attribute back: class 5 instance 4 attribute 17", "look at the bus load"],
-    cure: Cure { one: "read the inhibit time back from", all: "look at the bus load" },
+    cure: Cure { one: "read back the inhibit time", all: "look at the bus load" },
     say: |finding, _, out| {
         write!(
             out,
@@ -279,7 +282,10 @@ pub static NOT_ALLOCATED: Code = Code {
         "the slave's own rate is longer than what was seen",
     ],
     next: &["look how long the master takes to allocate anew", "look for the cause before it"],
-    cure: Cure { one: "look what happened before to", all: "look what happened before" },
+    cure: Cure {
+        one: "look at what happened before to the connections",
+        all: "look what happened before",
+    },
     say: |finding, record, out| {
         connection(record, out)?;
         match finding.limit {
@@ -316,7 +322,7 @@ pub static DELTA_IGNORED: Code = Code {
         "the alarm or warning flag changed instead of the position",
     ],
     next: &["read the delta back: class 2Fh instance 1 attribute 11"],
-    cure: Cure { one: "read the delta back from", all: "read the deltas back" },
+    cure: Cure { one: "read back the delta", all: "read the deltas back" },
     say: |finding, _, out| match (finding.actual, finding.limit) {
         (Some(step), Some(delta)) => write!(out, "a step of {step} is told, the delta is {delta}"),
         _ => write!(out, "a step below the delta is told"),
@@ -333,7 +339,7 @@ pub static IDLE: Code = Code {
     evidence: "An empty message on a connection that carries data otherwise. Told when it begins and when it ends.",
     causes: &["the controller is in program mode", "the slave is not ready yet"],
     next: &["put the controller into run mode"],
-    cure: Cure { one: "put the controller into run mode, slave", all: "put it into run mode" },
+    cure: Cure { one: "put into run mode the controller", all: "put it into run mode" },
     say: |_, record, out| {
         io_connection(record, out)?;
         write!(out, " is idle")

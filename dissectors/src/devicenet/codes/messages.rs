@@ -96,7 +96,7 @@ pub static FRAGMENT_SEQUENCE: Code = Code {
         ERRORS,
         "see whether it always comes from the same node: then it is its program",
     ],
-    cure: Cure { one: "capture again; check program", all: "capture again" },
+    cure: Cure { one: "capture again; check the program", all: "capture again" },
     say: |finding, _, out| match (finding.expected, finding.actual) {
         (Some(expected), Some(actual)) => {
             write!(out, "fragment {} came where {} was due", actual & 0x3F, expected & 0x3F)
@@ -169,7 +169,10 @@ pub static UNSOLICITED_RESPONSE: Code = Code {
         "the node answers twice, or late",
     ],
     next: &[SWITCHES, "look for can.dropped", ERRORS],
-    cure: Cure { one: "look for a second node with MAC ID", all: "compare all MAC ID switches" },
+    cure: Cure {
+        one: "look for a second node with the MAC ID",
+        all: "compare all MAC ID switches",
+    },
     say: |_, record, out| match record.station {
         Some(station) => write!(out, "node {station} answers what was not asked"),
         None => write!(out, "an answer to nothing"),

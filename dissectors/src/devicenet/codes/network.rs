@@ -21,7 +21,10 @@ pub static RESERVED_ID: Code = Code {
         "unplug devices one after the other until it is gone",
         "read with --protocol can if nothing else looks like DeviceNet",
     ],
-    cure: Cure { one: "unplug what is no DeviceNet device", all: "read with --protocol can" },
+    cure: Cure {
+        one: "look for a foreign device with the identifiers",
+        all: "read with --protocol can",
+    },
     say: |_, record, out| {
         let id = record.frame().map_or(0, |frame| frame.id.value());
         write!(out, "identifier {id:03X}h is reserved")
@@ -99,7 +102,10 @@ pub static FOREIGN_FRAME: Code = Code {
         "CAN FD devices destroy the frames of others: they must not be on this bus",
     ],
     next: &["unplug devices one after the other until it is gone", TERMINATION],
-    cure: Cure { one: "unplug what is no DeviceNet device", all: "unplug foreign devices" },
+    cure: Cure {
+        one: "look for a foreign device with the identifiers",
+        all: "unplug foreign devices",
+    },
     say: |_, record, out| match record.frame() {
         Some(frame) if frame.id.is_extended() => {
             write!(out, "29-bit identifier: no DeviceNet frame")

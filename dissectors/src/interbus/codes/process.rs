@@ -31,7 +31,7 @@ pub static UNREQUESTED_ACKNOWLEDGE: Code = Code {
         RING,
     ],
     cure: Cure {
-        one: "check that OUT and IN of the log belong to device",
+        one: "check in the log that OUT and IN are those",
         all: "check that OUT and IN of the log belong together",
     },
     say: |_, _, out| write!(out, "acknowledged, and nobody had asked"),
@@ -52,7 +52,7 @@ pub static SERVICE_MISMATCH: Code = Code {
     ],
     next: &[DEVICE, PROGRAM, RING],
     cure: Cure {
-        one: "check the addresses of OUT and IN of device",
+        one: "check the addresses of OUT and IN",
         all: "check the addresses of OUT and IN",
     },
     say: |finding, _, out| {
@@ -75,7 +75,7 @@ pub static ECHO_MISMATCH: Code = Code {
         "a word of OUT or IN is swapped in the controller",
     ],
     next: &["read the parameter back and compare", PROGRAM, RING],
-    cure: Cure { one: "read the parameter back from device", all: "read the parameters back" },
+    cure: Cure { one: "read back the parameter", all: "read the parameters back" },
     say: |finding, _, out| {
         let (sent, told) = (finding.expected.unwrap_or(0), finding.actual.unwrap_or(0));
         write!(out, "{told} acknowledged, {sent} sent")
@@ -142,7 +142,7 @@ pub static UNDEFINED_SERVICE: Code = Code {
     ],
     next: &[DEVICE, "compare bits 31 to 24 of OUT with the tables of the manual's §3"],
     cure: Cure {
-        one: "compare the services of the program with the manual of device",
+        one: "compare the services of the program with the manual",
         all: "compare the services of the program with the manual",
     },
     say: |finding, _, out| {
@@ -161,7 +161,7 @@ pub static ACCESS: Code = Code {
     causes: &["bit 30 of OUT is wrong: 0 reads, 1 writes", "the wrong service number"],
     next: &["compare bits 31 to 24 of OUT with the tables of the manual's §3", DEVICE],
     cure: Cure {
-        one: "check the read-write bit in the program of device",
+        one: "check the read-write bit in the program",
         all: "check the read-write bit in the program",
     },
     say: |finding, _, out| match finding.actual.map(|code| code & 0xF) {
@@ -206,7 +206,7 @@ pub static VALUE_OUT_OF_RANGE: Code = Code {
     causes: &["data of another service", "words or bytes are swapped"],
     next: &["compare the value with the manual's §3.1", DEVICE],
     cure: Cure {
-        one: "check the value that the program writes to device",
+        one: "check in the program the value for the parameter",
         all: "check the values that the program writes",
     },
     say: |finding, _, out| {
@@ -257,7 +257,7 @@ pub static NO_ACKNOWLEDGE: Code = Code {
         RING,
         "switch the device off and on, and read the counting direction: OUT 81000000",
     ],
-    cure: Cure { one: "check that OUT reaches device", all: "check that OUT reaches the devices" },
+    cure: Cure { one: "check address and bus plug", all: "check that OUT reaches the devices" },
     say: |finding, _, out| {
         write!(out, "not acknowledged for {}", Span(finding.actual.unwrap_or_default()))
     },
@@ -281,7 +281,7 @@ pub static NO_RELEASE: Code = Code {
         RING,
         "switch the device off and on",
     ],
-    cure: Cure { one: "check that OUT reaches device", all: "check that the ring is running" },
+    cure: Cure { one: "check address and bus plug", all: "check that the ring is running" },
     say: |finding, _, out| {
         write!(out, "still acknowledged after {}", Span(finding.actual.unwrap_or_default()))
     },
@@ -298,7 +298,7 @@ pub static DATA_WITH_SERVICE_BIT: Code = Code {
     causes: &["the program writes all 32 bits at once"],
     next: &[PROGRAM, "read the parameter back after it was written"],
     cure: Cure {
-        one: "set the service bit one cycle after the data in the program of device",
+        one: "set the service bit one cycle after the data in the program",
         all: "set the service bit one cycle after the data",
     },
     say: |_, _, out| write!(out, "data and service bit in the same cycle"),
@@ -319,7 +319,7 @@ pub static REQUEST_CHANGED: Code = Code {
     ],
     next: &[PROGRAM, "read the parameter back", FINE],
     cure: Cure {
-        one: "keep OUT until the acknowledgement, in the program of device",
+        one: "keep OUT until the acknowledgement, in the program",
         all: "keep OUT until the acknowledgement",
     },
     say: |_, _, out| write!(out, "OUT changed before the handshake was over"),
@@ -340,7 +340,7 @@ pub static WITHDRAWN: Code = Code {
     ],
     next: &[PROGRAM, "compare the time-out with the response times in `fieldtap stats`", FINE],
     cure: Cure {
-        one: "wait for the acknowledgement of device",
+        one: "wait for the acknowledgement",
         all: "wait for the acknowledgement in the program",
     },
     say: |_, _, out| write!(out, "withdrawn before it was acknowledged"),
@@ -397,7 +397,7 @@ pub static REPEATED_WRITE: Code = Code {
         PROGRAM,
     ],
     cure: Cure {
-        one: "stop the program from repeating writes to device",
+        one: "stop repeated writes in the program",
         all: "stop the program from repeating writes",
     },
     say: |finding, _, out| {
