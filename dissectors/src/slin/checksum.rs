@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(ALL.map(|rule| rule.checksum(&[0x7F, 0x7F, 0x02, 0x0F])), [0, 1, 1]);
     }
 
-    /// Counted exhaustively by two other programs (spec §4): of the 2 097 152 combinations of
+    /// Counted exhaustively by two other programs: of the 2 097 152 combinations of
     /// three words ADD and ADDC over four differ in 17 696, ADD and ADDC over those sent in none.
     #[test]
     fn the_rules_differ_as_often_as_counted() {

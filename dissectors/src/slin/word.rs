@@ -105,7 +105,7 @@ pub struct Response<'a> {
 
 impl Response<'_> {
     /// The position, where the telegram carries one: up to four data words and a footer. No data
-    /// word at all is position 0 (neither manual says how position 0 is sent; spec §3, 12).
+    /// word at all is position 0 (neither manual says how position 0 is sent).
     #[must_use]
     pub fn position(&self) -> Option<u32> {
         (self.footer.is_some() && self.data.len() <= MAX_DATA_WORDS).then(|| position(self.data))

@@ -131,7 +131,7 @@ fn say_error_bit(finding: &Finding, record: &Record<'_>, out: &mut dyn fmt::Writ
 pub static UNDEFINED_SERVICE: Code = Code {
     name: "interbus.undefined-service",
     severity: Severity::Error,
-    is_cause: false,
+    is_cause: true,
     meaning: "The master asks for a service that the device does not have.",
     rule: "The LA-66 has the services 1, 2, 4, 6 and 8 (manual §3).",
     evidence: "Bits 27 to 24 of OUT with the service bit set, on the first row of the request. That the device is an LA-66 is assumed where --device does not say so.",
@@ -154,7 +154,7 @@ pub static UNDEFINED_SERVICE: Code = Code {
 pub static ACCESS: Code = Code {
     name: "interbus.access",
     severity: Severity::Error,
-    is_cause: false,
+    is_cause: true,
     meaning: "The master reads what can only be written, or writes what can only be read.",
     rule: "The preset adjustment, service 6, can only be written; the error status, service 8, can only be read (LA-66 manual §3.4, §3.5): 86h and C8h do not exist.",
     evidence: "Bits 30 and 27 to 24 of OUT with the service bit set, on the first row of the request.",
@@ -199,7 +199,7 @@ pub static RESERVED_BITS: Code = Code {
 pub static VALUE_OUT_OF_RANGE: Code = Code {
     name: "interbus.value-out-of-range",
     severity: Severity::Error,
-    is_cause: false,
+    is_cause: true,
     meaning: "A parameter has a value that does not exist.",
     rule: "The counting direction is 0, increasing, or 1, decreasing to the end of the rod (LA-66 manual §3.1). All other parameters take any 24 bits.",
     evidence: "Bits 23 to 0 of OUT of a write, and of IN of a read that is acknowledged without error bit.",
