@@ -27,7 +27,6 @@ mount -t proc proc /proc
 mount -t sysfs sys /sys
 mount -t devtmpfs dev /dev
 mkdir /dev/pts; mount -t devpts pts /dev/pts
-mount -t tmpfs tmp /tmp
 while read -r module; do insmod "$module"; done </modules/order
 FIELDTAP_LAB=guest RUST_BACKTRACE=0 "#;
 const LAST_WORDS: &str = r#"
