@@ -10,14 +10,28 @@ pub fn push_clean(text: &mut String, from: &str) {
 
 /// Does the same to text from outside that was written there, from `start` on.
 pub fn clean_from(text: &mut Vec<u8>, start: usize) {
-    // Control characters, and how those begin that have more than one byte: nearly no text has any.
-    let may_steer = |byte: &u8| matches!(byte, 0..=0x1F | 0x7F | 0xC2 | 0xD8 | 0xE2);
-    if !text[start..].iter().any(may_steer) {
+    if !has_steering(&text[start..]) {
         return;
     }
     let cleaned = clean(&String::from_utf8_lossy(&text[start..]));
     text.truncate(start);
     text.extend(cleaned.into_bytes());
+}
+
+/// Whether there is any of these in a text, which nearly no text has: told by its bytes, for every
+/// cell of a table passes here.
+fn has_steering(text: &[u8]) -> bool {
+    let after = |index: usize| text.get(index..).unwrap_or_default();
+    text.iter().enumerate().any(|(index, byte)| match byte {
+        0..=0x1F | 0x7F => true,
+        0xC2 => matches!(after(index + 1), [0x80..=0x9F, ..]),
+        0xD8 => matches!(after(index + 1), [0x9C, ..]),
+        0xE2 => matches!(
+            after(index + 1),
+            [0x80, 0x8E | 0x8F | 0xAA..=0xAE, ..] | [0x81, 0xA6..=0xA9, ..]
+        ),
+        _ => false,
+    })
 }
 
 /// Control characters, and the marks that change the direction of writing (Unicode UAX #9): with
