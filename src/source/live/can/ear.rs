@@ -24,7 +24,8 @@ pub struct Ear<S> {
     interface: InterfaceDrops,
     /// ± of a stamp in ns.
     uncertainty: u32,
-    last: Moment,
+    /// Nothing that is queued came before.
+    heard_until: Moment,
 }
 
 /// The time of the clock that stamps.
@@ -38,19 +39,37 @@ impl<S: SocketOptions> Ear<S> {
     pub fn new(receiver: Receiver<S>, so_far: Statistics, uncertainty: u32) -> Self {
         let interface = InterfaceDrops::new(so_far);
         let socket = SocketDrops::default();
-        Ear { receiver, socket, interface, uncertainty, last: Moment::UNKNOWN }
+        Ear { receiver, socket, interface, uncertainty, heard_until: Moment::UNKNOWN }
     }
 
-    /// Waits for frames and says those that came; false where none did.
+    /// Waits for frames and says those that came, or that nothing was heard; false then.
     ///
     /// # Errors
     /// What became of the interface: it is down, or gone.
     pub fn listen(&mut self, out: &mut Outbox) -> io::Result<bool> {
-        let count = self.receiver.receive()?;
+        if self.receiver.receive()? > 0 {
+            self.tell_heard(out);
+            return Ok(true);
+        }
+        // This program may have been stopped since: what is said of now holds if still nothing came.
+        let (quiet, dropped) = (now().plus(-LATENCY_NS), self.receiver.drops());
+        if self.receiver.receive_queued()? > 0 {
+            self.tell_heard(out);
+            return Ok(true);
+        }
+        if !self.heard_until.is_after(quiet) {
+            self.heard_until = quiet;
+        }
+        self.tell_dropped(dropped, out);
+        out.silence(BUS, quiet);
+        Ok(false)
+    }
+
+    fn tell_heard(&mut self, out: &mut Outbox) {
         for received in self.receiver.heard() {
             let stamp = received.remarks.stamp;
             let at = if stamp.is_known() { stamp } else { now() };
-            self.last = at;
+            self.heard_until = at;
             let dropped = received.remarks.dropped.and_then(|count| self.socket.until(count));
             if let Some(count) = dropped {
                 lose(at, Some(count), LossCause::Capture, out);
@@ -64,44 +83,40 @@ impl<S: SocketOptions> Ear<S> {
             }
             out.frame(BUS, frame);
         }
-        Ok(count > 0)
     }
 
-    /// Says what came until now and is still queued.
+    /// Says what the socket dropped after the last frame that was queued.
+    fn tell_dropped(&mut self, count: Option<u32>, out: &mut Outbox) {
+        if let Some(count) = count.and_then(|count| self.socket.until(count)) {
+            lose(self.heard_until(), Some(count), LossCause::Capture, out);
+        }
+    }
+
+    /// Says what came until now and is still queued, and what the socket dropped.
     pub fn tell_rest(&mut self, out: &mut Outbox) {
         let end = now();
-        while !self.last.is_after(end) && self.listen(out).unwrap_or(false) {}
-    }
-
-    /// Says that nothing was heard, after a while in which nothing was.
-    pub fn tell_silence(&mut self, out: &mut Outbox) {
-        self.tell_drops(out);
-        out.silence(BUS, now().plus(-LATENCY_NS));
-    }
-
-    /// Says what the socket dropped after the last frame that is queued.
-    pub fn tell_drops(&mut self, out: &mut Outbox) {
-        if let Some(count) = self.receiver.drops().and_then(|count| self.socket.until(count)) {
-            lose(self.past(), Some(count), LossCause::Capture, out);
-        }
+        while !self.heard_until.is_after(end) && self.listen(out).unwrap_or(false) {}
+        self.tell_dropped(self.receiver.drops(), out);
     }
 
     /// Says what the interface lost, and error frames did not tell.
     pub fn tell_interface_drops(&mut self, statistics: Statistics, out: &mut Outbox) {
         let Lost { overruns, frames } = self.interface.until(statistics);
         if frames > 0 {
-            lose(self.past(), Some(frames), LossCause::Overrun, out);
+            lose(self.heard_until(), Some(frames), LossCause::Overrun, out);
         }
         if overruns > 0 {
             // One may be many frames.
-            lose(self.past(), None, LossCause::Overrun, out);
+            lose(self.heard_until(), None, LossCause::Overrun, out);
         }
     }
 
     /// A time that nothing can come before any more, and nothing has come after.
-    pub fn past(&self) -> Moment {
-        let past = now().plus(-LATENCY_NS);
-        if self.last.is_after(past) { self.last } else { past }
+    pub fn heard_until(&self) -> Moment {
+        match self.heard_until.is_known() {
+            true => self.heard_until,
+            false => now().plus(-LATENCY_NS),
+        }
     }
 }
 
@@ -222,7 +237,6 @@ mod tests {
         let (_near, mut ear) = ear();
         let mut out = Outbox::default();
         assert!(!ear.listen(&mut out).expect("it is a pause"));
-        ear.tell_silence(&mut out);
         let Some(Ok(Piece::Heard(BUS, Event::Advance(until)))) = out.next() else {
             panic!("silence is said")
         };

@@ -82,7 +82,19 @@ impl<S: SocketOptions> Receiver<S> {
     /// # Errors
     /// What became of the interface: it is down, or gone.
     pub fn receive(&mut self) -> io::Result<usize> {
-        match self.heard.fill(&self.socket) {
+        self.take(libc::MSG_WAITFORONE)
+    }
+
+    /// Takes what is queued, without waiting.
+    ///
+    /// # Errors
+    /// As those of [`Receiver::receive`].
+    pub fn receive_queued(&mut self) -> io::Result<usize> {
+        self.take(libc::MSG_DONTWAIT)
+    }
+
+    fn take(&mut self, flags: i32) -> io::Result<usize> {
+        match self.heard.fill(&self.socket, flags) {
             Err(error) if is_pause(&error) => Ok(0),
             other => other,
         }
@@ -119,8 +131,8 @@ impl Batch {
         }
     }
 
-    /// Waits for the first frame as long as the socket is patient; takes those that are there.
-    fn fill(&mut self, socket: &impl AsRawFd) -> io::Result<usize> {
+    /// Takes the frames that are there, and waits for the first as the flags of `recv(2)` say.
+    fn fill(&mut self, socket: &impl AsRawFd, flags: i32) -> io::Result<usize> {
         self.count = 0;
         let Batch { frames, controls, .. } = self;
         let mut places = frames
@@ -138,7 +150,6 @@ impl Batch {
             header.msg_hdr.msg_control = control.0.as_mut_ptr().cast();
             header.msg_hdr.msg_controllen = CONTROL as _;
         }
-        let flags = libc::MSG_WAITFORONE;
         // SAFETY: there are BATCH headers, and each points to a frame and a control buffer of the
         // length it says, of which nothing else makes use until the call is back. No crate at hand
         // makes this call with these control messages.

@@ -92,10 +92,8 @@ impl CanTap {
 
     /// Listens for a moment.
     fn hear(&mut self, mut ear: Ear, out: &mut Outbox) -> Result<State, SourceError> {
-        match ear.listen(out) {
-            Ok(true) => {}
-            Ok(false) => ear.tell_silence(out),
-            Err(error) => return self.lose(ear, error, out),
+        if let Err(error) = ear.listen(out) {
+            return self.lose(ear, error, out);
         }
         if Instant::now() >= self.next_look {
             self.next_look = Instant::now() + STATISTICS;
@@ -109,7 +107,6 @@ impl CanTap {
         match ear.listen(out) {
             Ok(true) => Ok(State::Falling(ear)),
             Ok(false) => {
-                ear.tell_drops(out);
                 self.miss(out);
                 out.warning(self.error("the interface went down: waiting for it to come up again"));
                 Ok(State::Down(ear))
@@ -252,12 +249,11 @@ impl Tap for CanTap {
             && self.is_announced
         {
             ear.tell_rest(out);
-            ear.tell_drops(out);
             // Twice: what an error frame may yet tell has had its time.
             for _ in 0..2 {
                 ear.tell_interface_drops(interface::statistics(&self.name), out);
             }
-            out.end(BUS, ear.past());
+            out.end(BUS, ear.heard_until());
         }
     }
 }

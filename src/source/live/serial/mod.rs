@@ -179,8 +179,12 @@ impl Serial {
     /// Reads what there is, or waits for it.
     fn listen(&mut self, out: &mut Outbox) -> Result<(), io::Error> {
         let Some(port) = &mut self.port else { return Ok(()) };
-        let count = port.read(&mut self.buffer, PATIENCE)?;
+        let mut count = port.read(&mut self.buffer, PATIENCE)?;
         let now = now();
+        if count == 0 {
+            // This program may have been stopped since: silence until now is what is seen from now.
+            count = port.read(&mut self.buffer, Duration::ZERO)?;
+        }
         let is_due = count > 0 || self.looked.elapsed() >= COUNTING;
         if is_due && self.tally.counts() {
             let news = self.tally.advance(port.counters());
