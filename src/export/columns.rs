@@ -1,12 +1,9 @@
 //! Columns of a table: which fields of a record, and how they are written.
 
-use crate::clock::Exact;
-use crate::terminal::clean_from;
+use super::cell::{Cell, hex, integer, join, optional, seconds, sentence, text, value, word};
 use dissectors::field::{FieldId, Role, Value};
 use dissectors::protocol::{PROTOCOLS, Protocol};
 use dissectors::record::Record;
-use std::fmt;
-use std::io::Write;
 
 /// The columns that are written where the user names none.
 const DEFAULT: [&str; 14] = [
@@ -36,15 +33,6 @@ pub struct Columns {
 pub struct Column {
     name: String,
     what: What,
-}
-
-/// What was written into a cell.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Cell {
-    /// Numbers, hex digits, or words that are known beforehand.
-    Plain,
-    /// Anything.
-    Text,
 }
 
 #[derive(Clone, Copy)]
@@ -192,116 +180,5 @@ impl Column {
             }
         }
         Cell::Plain
-    }
-}
-
-fn value(value: Value<'_>, cell: &mut Vec<u8>) -> Cell {
-    match value {
-        Value::Absent => {}
-        Value::Bool(value) => word(if value { "true" } else { "false" }, cell),
-        Value::Int(value) => integer(value, cell),
-        Value::Float(value) => show(value, cell),
-        Value::Text(words) => return text(words, cell),
-        Value::Byte(byte) => show(format_args!("{byte:02X}"), cell),
-        Value::Hex(bytes) => bytes.iter().for_each(|byte| hex(*byte, cell)),
-        Value::List(list) => {
-            for index in 0..list.len() {
-                word(if index == 0 { "" } else { " " }, cell);
-                self::value(list.get(index), cell);
-            }
-            return Cell::Text;
-        }
-        Value::Rows(rows) => {
-            for row in 0..rows.len() {
-                word(if row == 0 { "" } else { " " }, cell);
-                // Of a table, its second field says most: the byte.
-                self::value(rows.get(row, 1), cell);
-            }
-            return Cell::Text;
-        }
-    }
-    Cell::Plain
-}
-
-fn word(word: &str, cell: &mut Vec<u8>) {
-    cell.extend_from_slice(word.as_bytes());
-}
-
-fn show(value: impl fmt::Display, cell: &mut Vec<u8>) {
-    // It fits in memory.
-    let _ = write!(cell, "{value}");
-}
-
-fn integer(value: i64, cell: &mut Vec<u8>) {
-    match value {
-        // Addresses of stations and positions at rest.
-        0..10 => cell.push(b'0' + value as u8),
-        _ => word(itoa::Buffer::new().format(value), cell),
-    }
-}
-
-fn optional(value: Option<i64>, cell: &mut Vec<u8>) {
-    if let Some(value) = value {
-        integer(value, cell);
-    }
-}
-
-fn seconds(ns: Option<i64>, cell: &mut Vec<u8>) {
-    const NS: i64 = 1_000_000_000;
-    let Some(ns) = ns else { return };
-    if ns < 0 {
-        return show(Exact(ns), cell);
-    }
-    integer(ns / NS, cell);
-    // Nine digits with their leading zeros: those of 1_xxx_xxx_xxx, and a point for its first.
-    let point = cell.len();
-    word(itoa::Buffer::new().format(NS + ns % NS), cell);
-    cell[point] = b'.';
-}
-
-fn hex(byte: u8, cell: &mut Vec<u8>) {
-    const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-    cell.extend([DIGITS[usize::from(byte >> 4)], DIGITS[usize::from(byte & 0xF)]]);
-}
-
-fn join<'a>(words: impl Iterator<Item = &'a str>, cell: &mut Vec<u8>) {
-    for (index, name) in words.enumerate() {
-        word(if index == 0 { "" } else { " " }, cell);
-        word(name, cell);
-    }
-}
-
-fn sentence(record: &Record<'_>, cell: &mut Vec<u8>) -> Cell {
-    let start = cell.len();
-    // It fits in memory.
-    let _ = record.summarize(&mut Sentence(cell));
-    make_harmless(cell, start);
-    Cell::Text
-}
-
-/// Text from outside.
-fn text(words: &str, cell: &mut Vec<u8>) -> Cell {
-    let start = cell.len();
-    word(words, cell);
-    make_harmless(cell, start);
-    Cell::Text
-}
-
-/// A terminal obeys control characters, and a spreadsheet runs a cell that begins in one of these
-/// ways as a formula.
-fn make_harmless(cell: &mut Vec<u8>, start: usize) {
-    clean_from(cell, start);
-    if matches!(cell.get(start), Some(b'=' | b'+' | b'-' | b'@')) {
-        cell.insert(start, b'\'');
-    }
-}
-
-/// Takes a sentence into a cell.
-struct Sentence<'a>(&'a mut Vec<u8>);
-
-impl fmt::Write for Sentence<'_> {
-    fn write_str(&mut self, words: &str) -> fmt::Result {
-        word(words, self.0);
-        Ok(())
     }
 }

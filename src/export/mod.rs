@@ -1,6 +1,7 @@
 //! Where records go: one file a form.
 
 mod candump;
+mod cell;
 mod changes;
 mod chars;
 mod columns;
