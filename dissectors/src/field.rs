@@ -65,7 +65,31 @@ pub enum Role {
 
 impl Role {
     /// How many there are.
-    pub(crate) const COUNT: usize = Role::Destination as usize + 1;
+    const COUNT: usize = Role::Destination as usize + 1;
+}
+
+/// The first field with each role, among those of a protocol.
+#[derive(Clone, Copy, Debug)]
+pub struct Roles([Option<FieldId>; Role::COUNT]);
+
+impl Roles {
+    /// Those of these fields.
+    #[must_use]
+    pub const fn of(fields: &[Field]) -> Self {
+        let mut roles = [None; Role::COUNT];
+        let mut field = fields.len();
+        while field > 0 {
+            field -= 1;
+            roles[fields[field].role as usize] = Some(field);
+        }
+        Roles(roles)
+    }
+
+    /// The field with this role.
+    #[must_use]
+    pub const fn field(&self, role: Role) -> Option<FieldId> {
+        self.0[role as usize]
+    }
 }
 
 /// The kind of a field's value.

@@ -4,7 +4,7 @@ use crate::can::{Frame, Load};
 use crate::device::Devices;
 use crate::devicenet::eds::Eds;
 use crate::event::{Event, Moment};
-use crate::field::{Field, FieldId, Role};
+use crate::field::{Field, Roles};
 use crate::finding::{Code, Finding};
 use crate::limit::Limit;
 use crate::measure::Measurement;
@@ -19,22 +19,6 @@ use alloc::{boxed::Box, string::String, sync::Arc, vec::Vec};
 pub static PROTOCOLS: [&Protocol; 5] =
     [&slin::PROTOCOL, &devicenet::PROTOCOL, &interbus::PROTOCOL, &can::PROTOCOL, &uart::PROTOCOL];
 
-/// The first field with each role, by protocol: statistics ask for them with every record.
-static ROLES: [[Option<FieldId>; Role::COUNT]; PROTOCOLS.len()] = {
-    let mut roles = [[None; Role::COUNT]; PROTOCOLS.len()];
-    let mut index = 0;
-    while index < PROTOCOLS.len() {
-        let fields = PROTOCOLS[index].fields;
-        let mut field = fields.len();
-        while field > 0 {
-            field -= 1;
-            roles[index][fields[field].role as usize] = Some(field);
-        }
-        index += 1;
-    }
-    roles
-};
-
 /// One protocol: its tables, and how to make a dissector for it.
 pub struct Protocol {
     /// Its name on the command line and in records.
@@ -45,6 +29,8 @@ pub struct Protocol {
     pub kinds: &'static [&'static str],
     /// Its fields. A [`FieldId`] is an index here.
     pub fields: &'static [Field],
+    /// Which of its fields play the roles: statistics ask for them with every record.
+    pub roles: Roles,
     /// Its finding codes.
     pub codes: &'static [&'static Code],
     /// The limits of its judgement that the user can set.
@@ -65,15 +51,6 @@ impl Protocol {
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Protocol> {
         PROTOCOLS.into_iter().find(|protocol| protocol.name == name)
-    }
-
-    /// The first field with this role.
-    #[must_use]
-    pub fn field_of(&self, role: Role) -> Option<FieldId> {
-        match PROTOCOLS.iter().position(|protocol| *protocol == self) {
-            Some(index) => ROLES[index][role as usize],
-            None => self.fields.iter().position(|field| field.role == role),
-        }
     }
 }
 

@@ -273,7 +273,7 @@ impl<'a> Record<'a> {
     /// The first field of the protocol that has this role.
     #[must_use]
     pub fn by_role(&self, role: Role) -> Value<'_> {
-        self.protocol.field_of(role).map_or(Value::Absent, |field| self.layer.get(field))
+        self.protocol.roles.field(role).map_or(Value::Absent, |field| self.layer.get(field))
     }
 
     /// Writes the sentence that the text view shows.

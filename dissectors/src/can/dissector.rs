@@ -2,7 +2,7 @@
 
 use super::{ErrorClasses, ErrorDetail, Frame, FrameKind, Load, Watch, codes};
 use crate::event::{Event, Loss, Moment};
-use crate::field::{FieldId, Kind, Value, fields};
+use crate::field::{FieldId, Kind, Roles, Value, fields};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Dissector, Medium, Protocol, Speaks};
 use crate::record::{BusInfo, Layer, Output, Record};
@@ -16,6 +16,7 @@ pub static PROTOCOL: Protocol = Protocol {
     title: "CAN frames",
     kinds: &[FRAME, ERROR, "lost", "event"],
     fields: FIELDS,
+    roles: Roles::of(FIELDS),
     codes: &codes::CODES,
     limits: &[],
     medium: Medium::Can,

@@ -55,6 +55,7 @@ pub use dissector::DeviceNet;
 pub use layer::FIELDS;
 pub use settings::{LIMITS, Settings};
 
+use crate::field::Roles;
 use crate::protocol::{Medium, Protocol};
 use alloc::boxed::Box;
 
@@ -64,6 +65,7 @@ pub static PROTOCOL: Protocol = Protocol {
     title: "DeviceNet on CAN",
     kinds: &layer::KINDS,
     fields: &FIELDS,
+    roles: Roles::of(&FIELDS),
     codes: &codes::CODES,
     limits: &LIMITS,
     medium: Medium::Can,

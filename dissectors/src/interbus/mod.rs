@@ -42,6 +42,7 @@ pub use report::{Master, Report};
 pub use row::{Content, Device, Row};
 pub use settings::{LIMITS, ReadEcho, Settings};
 
+use crate::field::Roles;
 use crate::protocol::{Medium, Protocol, Speaks};
 use alloc::{boxed::Box, string::String};
 
@@ -51,6 +52,7 @@ pub static PROTOCOL: Protocol = Protocol {
     title: "INTERBUS-S",
     kinds: &layer::KINDS,
     fields: FIELDS,
+    roles: Roles::of(FIELDS),
     codes: &codes::CODES,
     limits: &LIMITS,
     medium: Medium::Words,

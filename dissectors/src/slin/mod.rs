@@ -27,6 +27,7 @@ pub mod word;
 pub use dissector::Slin;
 pub use profile::{ChecksumChoice, Profile, Settings};
 
+use crate::field::Roles;
 use crate::protocol::{Beginning, Dissector, Medium, Protocol, Speaks};
 use crate::record::{Output, Record, Sink};
 use alloc::{boxed::Box, format, string::String};
@@ -37,6 +38,7 @@ pub static PROTOCOL: Protocol = Protocol {
     title: "SLIN on RS485",
     kinds: &telegram::KINDS,
     fields: telegram::FIELDS,
+    roles: Roles::of(telegram::FIELDS),
     codes: &codes::CODES,
     limits: &[],
     medium: Medium::Serial,

@@ -2,7 +2,7 @@
 
 use super::{Character, FRAMING, Parity, Setup, Wire};
 use crate::event::{Event, Moment};
-use crate::field::{FieldId, Kind, Value, fields};
+use crate::field::{FieldId, Kind, Roles, Value, fields};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Dissector, Medium, Protocol, Speaks};
 use crate::record::{BusInfo, Layer, Output, Record};
@@ -15,6 +15,7 @@ pub static PROTOCOL: Protocol = Protocol {
     title: "serial characters",
     kinds: &[CHARACTER, "break", "lost", "event"],
     fields: FIELDS,
+    roles: Roles::of(FIELDS),
     codes: &super::CODES,
     limits: &[],
     medium: Medium::Serial,
