@@ -19,7 +19,7 @@ pub struct Input {
 
 enum Rest {
     File(File),
-    Stream(Box<dyn Read>),
+    Stream(Box<dyn Read + Send>),
 }
 
 impl Input {
@@ -48,7 +48,7 @@ impl Input {
     ///
     /// # Errors
     /// It cannot be read, or there is nothing in it.
-    pub fn of(name: &str, stream: impl Read + 'static) -> Result<Input, SourceError> {
+    pub fn of(name: &str, stream: impl Read + Send + 'static) -> Result<Input, SourceError> {
         Input::begin(name, Rest::Stream(Box::new(stream)))
     }
 

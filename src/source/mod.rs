@@ -1,5 +1,6 @@
 //! Where events come from: one file a format.
 
+mod ahead;
 mod buses;
 mod bytes;
 mod can;
@@ -39,10 +40,9 @@ pub use input::Input;
 pub use live::LiveOptions;
 pub use numbers::{frequency, seconds_in_ns};
 
-#[cfg(test)]
-pub(crate) use outbox::Reader;
-pub(crate) use outbox::{Outbox, Reading};
+pub(crate) use outbox::{Outbox, Reader, Reading};
 
+use ahead::ReadingAhead;
 use interbus::Layout;
 
 use dissectors::bus::WireFacts;
@@ -211,7 +211,7 @@ pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
 /// # Errors
 /// It cannot be read, or nothing tells what it is.
 pub fn open_stream(
-    stream: impl Read + 'static,
+    stream: impl Read + Send + 'static,
     options: &SourceOptions,
 ) -> Result<Box<dyn Source>, SourceError> {
     reader_of(Input::of("stream", stream)?, options)
@@ -222,6 +222,7 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
         Some(format) => format,
         None => recognize::format_of(&mut input)?,
     };
+    let is_saved = input.file().is_some();
     Ok(match format {
         InputFormat::Chars => Box::new(chars::Chars::new(input)),
         InputFormat::Candump => log(input, options, can::candump::Candump),
@@ -231,39 +232,39 @@ fn reader_of(mut input: Input, options: &SourceOptions) -> Result<Box<dyn Source
         }
         InputFormat::Trc => log(input, options, can::trc::Trc::new()),
         InputFormat::Asc => log(input, options, can::asc::Asc::new()),
-        InputFormat::InterbusLog => {
-            Box::new(Reading::new(interbus::log::Log::new(input, options)?))
-        }
+        InputFormat::InterbusLog => reading(is_saved, interbus::log::Log::new(input, options)?),
         InputFormat::InterbusId => {
-            Box::new(Reading::new(interbus::identification::List::new(input, options)?))
+            reading(is_saved, interbus::identification::List::new(input, options)?)
         }
         InputFormat::InterbusDiagnostic => {
-            Box::new(Reading::new(interbus::diagnostic::Registers::new(input, options)?))
+            reading(is_saved, interbus::diagnostic::Registers::new(input, options)?)
         }
-        InputFormat::Pcap => Box::new(Reading::new(pcap::Pcap::new(input, options))),
-        InputFormat::Pcapng => Box::new(Reading::new(pcapng::PcapNg::new(input, options))),
+        InputFormat::Pcap => reading(is_saved, pcap::Pcap::new(input, options)),
+        InputFormat::Pcapng => reading(is_saved, pcapng::PcapNg::new(input, options)),
         InputFormat::Sr => Box::new(sr::open(input, options)?),
         InputFormat::Vcd => Box::new(vcd::Vcd::new(input, options)?),
         InputFormat::Logic => Box::new(logic::Logic::raw(input, options)?),
-        InputFormat::Bytes => Box::new(Reading::new(bytes::Bytes::new(input, options)?)),
-        InputFormat::Parmrk => Box::new(Reading::new(parmrk::Parmrk::new(input, options)?)),
-        InputFormat::Uart9 => Box::new(Reading::new(uart9::Uart9::new(input, options)?)),
-        InputFormat::SaleaeCsv => {
-            Box::new(Reading::new(saleae::digital::Digital::new(input, options)))
-        }
-        InputFormat::SaleaeBin => {
-            Box::new(Reading::new(saleae::binary::Binary::new(input, options)?))
-        }
-        InputFormat::SaleaeTable => {
-            Box::new(Reading::new(saleae::table::Table::new(input, options)))
-        }
+        InputFormat::Bytes => reading(is_saved, bytes::Bytes::new(input, options)?),
+        InputFormat::Parmrk => reading(is_saved, parmrk::Parmrk::new(input, options)?),
+        InputFormat::Uart9 => reading(is_saved, uart9::Uart9::new(input, options)?),
+        InputFormat::SaleaeCsv => reading(is_saved, saleae::digital::Digital::new(input, options)),
+        InputFormat::SaleaeBin => reading(is_saved, saleae::binary::Binary::new(input, options)?),
+        InputFormat::SaleaeTable => reading(is_saved, saleae::table::Table::new(input, options)),
     })
 }
 
-fn log<G: can::Grammar + 'static>(
+/// Everything of a saved capture is there to be read ahead.
+fn reading(is_saved: bool, reader: impl Reader + Send + 'static) -> Box<dyn Source> {
+    match is_saved {
+        true => Box::new(ReadingAhead::begin(reader)),
+        false => Box::new(Reading::new(reader)),
+    }
+}
+
+fn log<G: can::Grammar + Send + 'static>(
     input: Input,
     options: &SourceOptions,
     grammar: G,
 ) -> Box<dyn Source> {
-    Box::new(Reading::new(can::Log::new(input, options, grammar)))
+    reading(input.file().is_some(), can::Log::new(input, options, grammar))
 }

@@ -120,7 +120,8 @@ impl Outbox {
 
     /// Whether there is so much in it that it is to be handed over first.
     pub fn is_full(&self) -> bool {
-        self.frames.len().max(self.rows.len()).max(self.waiting.len()) >= FULL
+        let items = [self.frames.len(), self.rows.len(), self.characters.len(), self.edges.len()];
+        items.into_iter().chain([self.waiting.len()]).any(|count| count >= FULL)
     }
 
     /// Line levels were heard.
