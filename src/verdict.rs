@@ -284,10 +284,10 @@ fn wrong(tally: &Tally, several: bool, clock: &Clock) -> Option<String> {
     let is_one = heard > 1 && worst.count * 10 >= all * 9;
     match worst.station.filter(|_| is_one) {
         Some(station) => {
-            let _ = write!(text, " -> {} of {station}", worst.code.cure.one);
+            let _ = write!(text, " -> {} of {station}", worst.cure().one);
         }
         None => {
-            let _ = write!(text, " -> {}", worst.code.cure.all);
+            let _ = write!(text, " -> {}", worst.cure().all);
         }
     }
     Some(text)
@@ -338,6 +338,9 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let mut open: Vec<String> = cut.map(|cut| cut.open().to_owned()).into_iter().collect();
     if tally.unread > 0 {
         open.push(format!("{} could not be read", counted(tally.unread, "line")));
+    }
+    if let times @ 1.. = buses.iter().map(|bus| bus.counts().deaf).sum() {
+        open.push(format!("what was on the line while nobody listened, {times} x"));
     }
     if let times @ 1.. = pipeline.steps_back() {
         open.push(format!("times run backwards {times} x"));

@@ -70,6 +70,8 @@ pub struct LineCounts {
     pub breaks: u64,
     /// Losses and overruns.
     pub losses: u64,
+    /// Those of them in which nobody listened.
+    pub deaf: u64,
 }
 
 impl Sampling {

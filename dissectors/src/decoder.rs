@@ -2,7 +2,7 @@
 
 use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load, RateSearch};
-use crate::event::{Break, Event, Loss, Moment};
+use crate::event::{Break, Event, Loss, LossCause, Moment};
 use crate::finding::Finding;
 use crate::interbus::{self, line::Crc};
 use crate::measure::Measurement;
@@ -173,7 +173,10 @@ impl Decoder {
                 counts.bad_cycles += u64::from(is_bad);
             }
             Event::Break(_) => counts.breaks += 1,
-            Event::Lost(_) => counts.losses += 1,
+            Event::Lost(loss) => {
+                counts.losses += 1;
+                counts.deaf += u64::from(loss.cause == LossCause::Deaf);
+            }
             Event::Levels(_) | Event::Advance(_) | Event::Silence(_) => {}
         }
     }

@@ -227,8 +227,9 @@ impl Composer {
     fn lost(&mut self, index: usize, loss: Loss) -> io::Result<()> {
         let bus = &mut self.buses[index];
         bus.counts.losses += 1;
+        bus.counts.deaf += u64::from(loss.cause == LossCause::Deaf);
         let place = match loss.cause {
-            LossCause::Capture => 0,
+            LossCause::Capture | LossCause::Deaf => 0,
             LossCause::Overrun => 1,
         };
         bus.lost[place] = bus.lost[place].saturating_add(loss.count.unwrap_or(0));
@@ -238,7 +239,8 @@ impl Composer {
         if bus.medium == Some(Medium::Can) {
             self.settle(index)?;
             self.buses[index].pending = Some(loss);
-            return Ok(());
+            // No frame follows at once, and none could tell why.
+            return if loss.cause == LossCause::Deaf { self.settle(index) } else { Ok(()) };
         }
         let interface = self.some_interface(index)?;
         let comments = self.comments(index);

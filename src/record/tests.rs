@@ -133,9 +133,11 @@ fn serial() -> Vec<Delivery> {
             out.silence(0, now);
         }));
     }
-    // A request that nobody answers, and then nothing for a second.
+    // The port is gone for a while. A request that nobody answers, and then nothing for a second.
     script.push(Box::new(|out| {
         let at = Moment::from_ns(BEGIN + 7_000_000_000);
+        let start = at.plus(-500_000_000);
+        out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
         out.characters(0, [Character::new(at, 16_000_000, 0x80, Parity::Ok).interpolated()]);
         out.silence(0, at.plus(1_000_000_000));
     }));
@@ -154,6 +156,7 @@ fn a_serial_tap() {
         "\"lost\":3",
         "uart.overrun",
         "uart.break",
+        "nobody listened",
     ] {
         assert!(live.contains(word), "{word} is in what is compared");
     }
@@ -200,7 +203,7 @@ fn can() -> Vec<Delivery> {
     // The interface goes down, and that is all.
     script.push(Box::new(|out| {
         let start = Moment::from_ns(BEGIN + 6_000_000_000);
-        out.lost(0, Loss { start, count: None, cause: LossCause::Capture });
+        out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
         out.end(0, start.plus(500_000_000));
     }));
     script
@@ -212,6 +215,7 @@ fn a_can_tap() {
     let lost = live.lines().filter(|line| line.contains("\"kind\":\"lost\"")).count();
     assert_eq!(lost, 11, "{live}");
     assert!(live.contains("\"direction\":\"tx\"") && live.contains("\"lost\":7"));
+    assert!(live.contains("nobody listened: the interface was down or gone"), "{live}");
     assert!(compare(can, "size=20k").1 > 2);
 }
 

@@ -28,7 +28,7 @@ mod samples;
 mod selection;
 mod sr;
 mod stream;
-mod tap_note;
+pub mod tap_note;
 #[cfg(test)]
 mod transcript;
 mod uart9;

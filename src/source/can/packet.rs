@@ -152,14 +152,14 @@ impl Tap {
     /// Puts what a packet of a bus says in the outbox. Returns what is wrong with it, if something
     /// is.
     pub fn hear(&self, bus: usize, packet: &Packet<'_>, out: &mut Outbox) -> Option<String> {
-        let lose = |count, out: &mut Outbox| {
-            out.lost(bus, Loss { start: packet.at, count, cause: LossCause::Capture });
+        let lose = |count, cause, out: &mut Outbox| {
+            out.lost(bus, Loss { start: packet.at, count, cause });
         };
         match packet.lost_before {
             None | Some(0) => {}
             // More than there can be: lost, and not counted.
-            Some(u64::MAX) => lose(None, out),
-            count => lose(count, out),
+            Some(u64::MAX) => lose(None, packet.loss_cause, out),
+            count => lose(count, packet.loss_cause, out),
         }
         if packet.bytes.is_empty() && packet.lost_before.is_some_and(|count| count > 0) {
             // Nothing but the loss: no frame followed it.
@@ -167,7 +167,7 @@ impl Tap {
         }
         let (bytes, cooking) = cooking(packet.bytes, self.form).ok()?;
         let Ok((data, header)) = header(bytes, self.id_order()) else {
-            lose(Some(1), out);
+            lose(Some(1), LossCause::Capture, out);
             let length = packet.bytes.len();
             let is_cut = packet.original_length as usize > length;
             let what = || format!("a packet of {length} bytes, too short for a CAN frame");

@@ -136,7 +136,7 @@ impl CanTap {
 
     /// From here on something may be on the bus that is not heard.
     fn miss(&self, out: &mut Outbox) {
-        out.lost(BUS, Loss { start: now(), count: None, cause: LossCause::Capture });
+        out.lost(BUS, Loss { start: now(), count: None, cause: LossCause::Deaf });
     }
 
     /// Looks whether an interface that is down is up again: its socket hears it then.

@@ -279,7 +279,7 @@ impl Serial {
         let start = Moment::from_ns(now());
         if self.may_reconnect {
             self.warn("the port is gone: waiting for it to come back", out);
-            out.lost(0, Loss { start, count: None, cause: LossCause::Capture });
+            out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
             return Ok(true);
         }
         self.note(&self.tally.to_string(), out);

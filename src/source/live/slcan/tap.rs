@@ -121,7 +121,7 @@ impl SlcanTap {
             }
             Err(_) => {
                 let start = self.ear.now();
-                out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
+                out.lost(BUS, Loss { start, count: None, cause: LossCause::Deaf });
                 out.warning(self.error("the adapter is gone: waiting for it to come back"));
                 Ok(State::Gone { rate: setting.rate, next_look: Instant::now() + RETURN })
             }
