@@ -200,6 +200,18 @@ impl Bus {
             self.hear_levels(None, out);
             self.line.go_on(sampling);
         }
+        if facts.medium == Some(Medium::Can) && facts.baud.is_some() {
+            self.set_bitrate(facts.baud, out);
+        }
+    }
+
+    /// Frames come at this bit rate from here on, or at one that is not known, unless the user
+    /// decided. What was heard before keeps its own.
+    pub fn set_bitrate(&mut self, rate: Option<Baud>, out: &mut Output<'_>) {
+        if self.wire().baud() != rate {
+            self.decoder.set_bitrate(self.wire(), rate, out);
+            self.given = Wire::new(rate, self.given.format());
+        }
     }
 
     /// The capture ended at `end`, if that is known.

@@ -263,6 +263,31 @@ impl Decoder {
         }
     }
 
+    /// The tap was set to another bit rate.
+    pub fn set_bitrate(&mut self, before: Wire, rate: Option<Baud>, out: &mut Output<'_>) {
+        if self.settings.can.bitrate.is_some() {
+            return;
+        }
+        if let Stage::Finding { held, .. } = &self.stage {
+            if held.is_empty() {
+                return;
+            }
+            self.find_out(before, out);
+        }
+        let Stage::Decoding { wire, dissector, .. } = &mut self.stage else { return };
+        let old = core::mem::replace(wire, Wire::new(rate, wire.format()));
+        dissector.learn_rate(*wire);
+        let wire = *wire;
+        self.search = self.must_find_rate(wire).then(RateSearch::default);
+        self.conclusions.retain(|conclusion| conclusion.subject != BITRATE);
+        let evidence = match old.baud() {
+            Some(old) => format!("the tap was set to another one on the way; {old} before"),
+            None => String::from("the tap was set to it on the way"),
+        };
+        let value = rate.map(|rate| rate.to_string());
+        self.conclusions.push(Conclusion { subject: BITRATE, station: None, value, evidence });
+    }
+
     fn learn_rate(&mut self, baud: Baud, evidence: String) {
         self.search = None;
         let Stage::Decoding { wire, dissector, .. } = &mut self.stage else { return };

@@ -95,6 +95,7 @@ impl Recorder {
         match piece {
             Piece::Bus(info, facts) => self.composer.bus(info.clone(), *facts),
             Piece::Heard(bus, event) => self.composer.hear(*bus, *event)?,
+            Piece::Bitrate(bus, rate) => self.composer.set_bitrate(*bus, *rate)?,
             Piece::Comment(bus, _, text) => self.composer.comment(*bus, text),
             Piece::End(bus, at) => self.composer.end(*bus, *at),
             Piece::Warning(_) | Piece::Note(_) => return Ok(()),
@@ -108,6 +109,7 @@ impl Recorder {
                     copy.bus(info.clone(), *facts);
                 }
                 Piece::Heard(bus, event) => copy.hear(*bus, *event),
+                Piece::Bitrate(bus, rate) => copy.bitrate(*bus, *rate),
                 Piece::End(bus, at) => copy.end(*bus, *at),
                 Piece::Comment(..) | Piece::Warning(_) | Piece::Note(_) => return Ok(()),
             }

@@ -66,9 +66,10 @@ impl fmt::Display for Summary {
         match self.losses {
             0 if self.deaf > 0 => {}
             0 => f.write_str("nothing lost")?,
-            1 => {
-                write!(f, "lost once: {capture} counted in the capture, {receiver} at the receiver")?
-            }
+            1 => write!(
+                f,
+                "lost once: {capture} counted in the capture, {receiver} at the receiver"
+            )?,
             times => write!(
                 f,
                 "lost {times} times: {capture} counted in the capture, {receiver} at the receiver"

@@ -200,9 +200,19 @@ fn can() -> Vec<Delivery> {
             out.silence(0, at.plus(9_000_000));
         }));
     }
-    // The interface goes down, and that is all.
+    // The interface goes down, comes back with another bit rate, and goes down again.
+    for (after_s, rate) in [(6, Some(250_000)), (7, None), (8, Some(125_000))] {
+        script.push(Box::new(move |out| {
+            let start = Moment::from_ns(BEGIN + after_s * 1_000_000_000);
+            out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
+            out.bitrate(0, rate.and_then(Baud::new));
+            let id = Identifier::standard(0x42D).unwrap();
+            let frame = Frame::data(start.plus(500_000_000), 50_000, id, &[0x9A, 1, 0, 0]);
+            out.frame(0, frame);
+        }));
+    }
     script.push(Box::new(|out| {
-        let start = Moment::from_ns(BEGIN + 6_000_000_000);
+        let start = Moment::from_ns(BEGIN + 9_000_000_000);
         out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
         out.end(0, start.plus(500_000_000));
     }));
@@ -213,7 +223,17 @@ fn can() -> Vec<Delivery> {
 fn a_can_tap() {
     let (live, _) = compare(can, "");
     let lost = live.lines().filter(|line| line.contains("\"kind\":\"lost\"")).count();
-    assert_eq!(lost, 11, "{live}");
+    assert_eq!(lost, 14, "{live}");
+    // The same frame takes half the time at twice the bit rate.
+    let last = live.lines().filter(|line| line.contains("\"can\":{\"id\":1069")).rev();
+    let times: Vec<Option<u64>> = last
+        .take(4)
+        .map(|line| {
+            serde_json::from_str::<serde_json::Value>(line).unwrap()["duration_ns"].as_u64()
+        })
+        .collect();
+    let whole = times[3].unwrap();
+    assert_eq!(times, [Some(whole), None, Some(whole / 2), Some(whole)], "latest first");
     assert!(live.contains("\"direction\":\"tx\"") && live.contains("\"lost\":7"));
     assert!(live.contains("nobody listened: the interface was down or gone"), "{live}");
     assert!(compare(can, "size=20k").1 > 2);

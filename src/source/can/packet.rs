@@ -13,6 +13,7 @@ use dissectors::can::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLAS
 use dissectors::event::{Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
+use dissectors::uart::Baud;
 use nom::IResult;
 use nom::error::{Error, ErrorKind};
 use pcap_file::Endianness;
@@ -116,6 +117,11 @@ impl Tap {
     /// The buses that were heard on it.
     pub fn buses(&self) -> impl Iterator<Item = usize> {
         self.buses.iter().filter_map(|(_, number)| *number)
+    }
+
+    /// The bit rate of its frames, if it tells.
+    pub fn bitrate(&self) -> Option<Baud> {
+        self.facts.baud
     }
 
     /// Frames that were left out because they are neither classic nor CAN FD.

@@ -249,6 +249,9 @@ impl Listener {
         };
         let bus = tap.bus_of(&packet, &mut self.buses, out).map_err(|what| blocks.error(what))?;
         let Some(bus) = bus else { return Ok(()) };
+        if let Tap::Can(tap) = tap {
+            self.buses.hear_at(bus, tap.bitrate(), out);
+        }
         comments(bus, at, fields.comments(), out);
         if let (Some(oddity), false) = (tap.hear(bus, &packet, out), self.told_oddity) {
             self.told_oddity = true;
