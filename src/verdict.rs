@@ -300,7 +300,8 @@ fn counted(count: u64, what: &str) -> String {
 fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let unread = (tally.unread > 0).then_some("lines that could not be read");
     let names = tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name));
-    let parity = (unknown_parity(pipeline.buses()) > 0).then_some("parity");
+    let [unknown, suspect] = open_parity(pipeline.buses());
+    let parity = (unknown + suspect > 0).then_some("parity");
     let load = is_load_open(pipeline.buses()).then_some("load");
     let whole = cut.map(Cut::open).into_iter().chain(unread);
     let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).collect();
@@ -310,8 +311,10 @@ fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     }
 }
 
-fn unknown_parity(buses: &[Bus]) -> u64 {
-    buses.iter().map(|bus| bus.counts().unknown_parity).sum()
+/// Characters whose parity is not known, and those one of which had an error.
+fn open_parity(buses: &[Bus]) -> [u64; 2] {
+    let sum = |count: fn(LineCounts) -> u64| buses.iter().map(|bus| count(bus.counts())).sum();
+    [sum(|counts| counts.unknown_parity), sum(|counts| counts.suspect_parity)]
 }
 
 /// Whether frames of a CAN bus came while its rate was not known: without it there is no load.
@@ -349,7 +352,13 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         let name = name.rsplit('.').next().unwrap_or(name);
         open.push(format!("{name} not judged {count} x ({})", why_withheld(tally, buses)));
     }
-    let unknown = unknown_parity(buses);
+    let [unknown, suspect] = open_parity(buses);
+    if suspect > 0 {
+        open.push(format!(
+            "parity of {} not judged (suspect: the adapter marks whole packets)",
+            counted(suspect, "character")
+        ));
+    }
     if unknown > 0 {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }

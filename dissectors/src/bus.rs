@@ -64,6 +64,8 @@ pub struct LineCounts {
     pub damaged: u64,
     /// Characters whose parity is not known.
     pub unknown_parity: u64,
+    /// Characters one of which had a parity error, and nobody knows which.
+    pub suspect_parity: u64,
     /// Pulses too short for a bit, dropped or outvoted.
     pub glitches: u64,
     /// Breaks.

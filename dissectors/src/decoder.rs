@@ -159,6 +159,7 @@ impl Decoder {
                 for character in *characters {
                     counts.damaged += u64::from(character.is_damaged());
                     counts.unknown_parity += u64::from(character.parity() == Parity::Unknown);
+                    counts.suspect_parity += u64::from(character.parity() == Parity::Suspect);
                 }
             }
             Event::Frames(frames) => {
