@@ -2,6 +2,7 @@
 
 use super::rate::Divider;
 use super::tree;
+use dissectors::uart::ParityMarks;
 use serde::Serialize;
 use std::path::Path;
 
@@ -72,6 +73,16 @@ impl Driver {
         let (granularity, counters) =
             known.map_or((Granularity::Unknown, Counters::Unknown), |known| (known.1, known.2));
         Driver { granularity, counters }
+    }
+
+    /// What marks mean of characters heard through it, given that the port keeps the parity
+    /// setting. Of a driver that is not known a mark is taken at its word.
+    pub fn parity_marks(self) -> ParityMarks {
+        match self.granularity {
+            Granularity::Packet => ParityMarks::Packet,
+            Granularity::Never | Granularity::None => ParityMarks::None,
+            Granularity::Character | Granularity::Unknown => ParityMarks::Character,
+        }
     }
 }
 

@@ -11,8 +11,6 @@ mod spread;
 #[cfg(target_os = "linux")]
 mod adapter;
 #[cfg(target_os = "linux")]
-mod holder;
-#[cfg(target_os = "linux")]
 mod ioctl;
 #[cfg(target_os = "linux")]
 mod latency;

@@ -5,10 +5,10 @@
 
 use super::adapter::Adapter;
 use super::counters::Counters;
-use super::holder::holders;
 use super::latency::Latency;
 use super::settings::{Kept, Refusal, apply};
 use super::{Terms, ioctl};
+use crate::ports::holders;
 use dissectors::uart::{Baud, Format, ParityMarks, ParityRule};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
