@@ -14,7 +14,7 @@ mod tree;
 mod usable;
 
 pub use can::{CanPort, Link};
-pub use driver::{Counters, Driver, Granularity};
+pub use driver::{Counters, Driver, Granularity, PROOF, UNPROVEN, is_unproven};
 pub use holder::holders;
 pub use serial::SerialPort;
 pub use usable::Obstacle;

@@ -144,6 +144,7 @@ impl Serial {
         let uncertainty = port.terms().uncertainty.as_secs_f64() * 1_000.0;
         let stamps = format!("stamps ±{uncertainty:.1} ms, taken when a read returns");
         self.note(&format!("{}; {stamps}", port.description()), out);
+        port.doubt().into_iter().for_each(|what| self.note(&what, out));
         port.warnings().into_iter().for_each(|what| self.warn(what, out));
     }
 
