@@ -31,12 +31,18 @@ pub struct SlcanTap {
     /// `None` once it failed.
     state: Option<State>,
     ear: Ear,
+    /// What was last said of why an adapter that is back cannot be listened to.
+    last_refusal: String,
 }
 
 enum State {
     Searching(Port, Setting, Search),
     Listening(Port, Setting),
-    Gone { rate: Rate, next_look: Instant },
+    /// It is waited for, to listen at this rate, or to look for the rate anew.
+    Gone {
+        rate: Option<Rate>,
+        next_look: Instant,
+    },
 }
 
 impl SlcanTap {
@@ -61,7 +67,8 @@ impl SlcanTap {
             None => State::Searching(port, setting, search.begin_window(Instant::now())),
         });
         let ear = Ear::new(name, &source);
-        Ok(SlcanTap { path: path.to_owned(), source, options, state, ear })
+        let last_refusal = String::new();
+        Ok(SlcanTap { path: path.to_owned(), source, options, state, ear, last_refusal })
     }
 
     fn error(&self, what: impl Into<String>) -> SourceError {
@@ -81,9 +88,9 @@ impl SlcanTap {
         (mut port, setting, mut search): (Port, Setting, Search),
         out: &mut Outbox,
     ) -> Result<State, SourceError> {
-        self.ear
-            .listen_for_rate(&mut port, &setting, &mut search)
-            .map_err(|error| because(&self.source, Problem::Port(error)))?;
+        if let Err(error) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
+            return self.lose(None, error, out);
+        }
         match search.step(Instant::now()) {
             Step::Wait => Ok(State::Searching(port, setting, search)),
             Step::Next(rate) => {
@@ -116,33 +123,71 @@ impl SlcanTap {
         self.ear.announce(&setting, out);
         match self.ear.listen(&mut port, &setting, out) {
             Ok(()) => Ok(State::Listening(port, setting)),
-            Err(error) if !self.options.reconnect => {
-                Err(because(&self.source, Problem::Port(error)))
-            }
-            Err(_) => {
-                let start = self.ear.now();
-                out.lost(BUS, Loss { start, count: None, cause: LossCause::Deaf });
-                out.warning(self.error("the adapter is gone: waiting for it to come back"));
-                Ok(State::Gone { rate: setting.rate, next_look: Instant::now() + RETURN })
-            }
+            Err(error) => self.lose(Some(setting.rate), error, out),
         }
     }
 
+    /// The port failed while the adapter listened at this rate, or while the rate was looked for:
+    /// then there is no bus yet.
+    fn lose(
+        &mut self,
+        rate: Option<Rate>,
+        error: io::Error,
+        out: &mut Outbox,
+    ) -> Result<State, SourceError> {
+        if !self.options.reconnect {
+            return Err(because(&self.source, Problem::Port(error)));
+        }
+        if rate.is_some() {
+            let start = self.ear.now();
+            out.lost(BUS, Loss { start, count: None, cause: LossCause::Deaf });
+        }
+        out.warning(self.error("the adapter is gone: waiting for it to come back"));
+        Ok(State::Gone { rate, next_look: Instant::now() + RETURN })
+    }
+
     /// Looks whether it is back.
-    fn look(&mut self, rate: Rate, next_look: Instant, out: &mut Outbox) -> State {
+    fn look(&mut self, rate: Option<Rate>, next_look: Instant, out: &mut Outbox) -> State {
         thread::sleep(PATIENCE);
         if Instant::now() < next_look {
             return State::Gone { rate, next_look };
         }
-        if let Ok(port) = open_port(&self.path) {
-            let mut port = Adapter::new(port);
-            // One that does not listen may not be awake yet.
-            if let Ok(setting) = self.set(&mut port, rate) {
+        match self.find_again(rate) {
+            Ok(state) => {
+                self.last_refusal.clear();
                 out.note(&format!("{}: the adapter is back", self.source));
-                return State::Listening(port, setting);
+                state
+            }
+            Err(refusal) => {
+                self.tell_refusal(refusal, out);
+                State::Gone { rate, next_look: Instant::now() + RETURN }
             }
         }
-        State::Gone { rate, next_look: Instant::now() + RETURN }
+    }
+
+    fn find_again(&mut self, rate: Option<Rate>) -> Result<State, Option<String>> {
+        let port = open_port(&self.path).map_err(|error| {
+            // That it is not there was said.
+            let is_there = error.kind != serialport::ErrorKind::Io(io::ErrorKind::NotFound);
+            is_there.then(|| refusal(&self.source, &error).what)
+        })?;
+        let mut port = Adapter::new(port);
+        let search = Search::begin(Instant::now());
+        let setting = match self.set(&mut port, rate.unwrap_or(search.rate())) {
+            Ok(setting) => setting,
+            Err(error) => return Err(error.cause.is_none().then_some(error.what)),
+        };
+        Ok(match rate {
+            Some(_) => State::Listening(port, setting),
+            None => State::Searching(port, setting, search.begin_window(Instant::now())),
+        })
+    }
+
+    /// Says why an adapter that is there is not listened to, once: it may not be awake yet.
+    fn tell_refusal(&mut self, refusal: Option<String>, out: &mut Outbox) {
+        let Some(refusal) = refusal.filter(|refusal| *refusal != self.last_refusal) else { return };
+        out.warning(self.error(format!("it is back, but {refusal}")));
+        self.last_refusal = refusal;
     }
 }
 
