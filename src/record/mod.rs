@@ -9,6 +9,7 @@ mod files;
 mod flight;
 mod names;
 mod ring;
+mod shelf;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -185,11 +186,20 @@ impl Recorder {
         Ok(self.files.attend()?)
     }
 
-    /// Ends the recording. Returns what the watch has seen, if there was one.
+    /// Ends the recording, and waits until its files are on the disk. Returns what the watch has
+    /// seen, if there was one.
     ///
     /// # Errors
-    /// The last file cannot be finished.
+    /// The last file cannot be finished, or one does not get to the disk.
     pub fn finish(&mut self) -> Result<Option<Watcher>, RecordError> {
+        let watcher = self.finish_files();
+        let settled = self.files.settle();
+        let watcher = watcher?;
+        settled?;
+        Ok(watcher)
+    }
+
+    fn finish_files(&mut self) -> Result<Option<Watcher>, RecordError> {
         self.composer.settle_all()?;
         self.keep()?;
         let Some(events) = &mut self.events else {
