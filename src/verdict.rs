@@ -53,7 +53,7 @@ impl Verdict {
         let several = buses.len() > 1;
         let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline, cut));
         Verdict {
-            line: clean(&line(buses, several)),
+            line: clean(&line(buses, several, cut)),
             who: clean(&who(tally, several)),
             wrong: clean(&wrong),
             open: clean(&open(tally, pipeline, cut)),
@@ -66,9 +66,11 @@ impl Verdict {
     }
 }
 
-fn line(buses: &[Bus], several: bool) -> String {
-    if buses.is_empty() {
-        return "silent: nothing was heard".to_owned();
+fn line(buses: &[Bus], several: bool, cut: Option<Cut>) -> String {
+    match cut {
+        _ if !buses.is_empty() => {}
+        Some(Cut::Failure) => return "not known: the source failed".to_owned(),
+        Some(Cut::Interruption) | None => return "silent: nothing was heard".to_owned(),
     }
     let texts = buses.iter().map(|bus| {
         let name = if several { format!("{} ", bus.info().name) } else { String::new() };
@@ -235,7 +237,7 @@ fn who_of(stations: &[&StationTally]) -> String {
 fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let (shown, all) = (tally.records, pipeline.records());
     if all == 0 {
-        return "nothing was heard".to_owned();
+        return unheard(pipeline.buses(), cut).to_owned();
     }
     if shown == 0 {
         return format!("none of {} was selected", counted(all, "record"));
@@ -245,6 +247,22 @@ fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let of = if shown < all { format!(" selected of {all}") } else { String::new() };
     let judged = judged(tally, pipeline, cut);
     format!("nothing found in {}{of}{infos}; {judged}", counted(shown, "record"))
+}
+
+/// What is told, and to do, where nothing was heard at all.
+fn unheard(buses: &[Bus], cut: Option<Cut>) -> &'static str {
+    if cut == Some(Cut::Failure) {
+        return "nothing was heard -> see what is said of the source above";
+    }
+    match buses.first().and_then(Bus::protocol).map(|protocol| protocol.medium) {
+        Some(Medium::Serial) => {
+            "nothing was heard -> check that the master runs, A to A, B to B, ground to ground"
+        }
+        Some(Medium::Can) => {
+            "nothing was heard -> check that the bus runs, CAN_H to CAN_H, CAN_L to CAN_L, bit rate"
+        }
+        Some(Medium::Words) | None => "nothing was heard",
+    }
 }
 
 /// The worst that was found, and what to do about it.
@@ -341,6 +359,9 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let mut open: Vec<String> = cut.map(|cut| cut.open().to_owned()).into_iter().collect();
     if tally.unread > 0 {
         open.push(format!("{} could not be read", counted(tally.unread, "line")));
+    }
+    if pipeline.records() == 0 {
+        open.push("everything: nothing was heard".to_owned());
     }
     if let times @ 1.. = buses.iter().map(|bus| bus.counts().deaf).sum() {
         open.push(format!("what was on the line while nobody listened, {times} x"));

@@ -384,7 +384,11 @@ impl Decoder {
                 Speaks::Yes(evidence) => {
                     let value = Some(String::from(protocol.name));
                     let subject = "protocol";
-                    self.conclusions.push(Conclusion { subject, station: None, value, evidence });
+                    // Silence speaks for nothing. Words are not held.
+                    if medium == Medium::Words || !characters.is_empty() || !frames.is_empty() {
+                        let station = None;
+                        self.conclusions.push(Conclusion { subject, station, value, evidence });
+                    }
                     return (protocol, note);
                 }
                 Speaks::NoBut(finding) => note = note.or(Some(finding)),

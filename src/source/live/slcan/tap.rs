@@ -5,9 +5,11 @@ use super::super::super::{Place, SourceError, SourceOptions};
 use super::super::{LiveOptions, PATIENCE, Tap};
 use super::adapter::{Adapter, Problem, Rate, Setting};
 use super::ear::Ear;
-use super::search::{Search, Step};
+use super::search::{self, Search, Step};
+use crate::ports::holders;
 use dissectors::event::{Loss, LossCause};
 use serialport::SerialPort;
+use std::fs;
 use std::io;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -31,6 +33,8 @@ pub struct SlcanTap {
     /// `None` once it failed.
     state: Option<State>,
     ear: Ear,
+    /// It was said that the rate is looked for.
+    is_search_told: bool,
     /// What was last said of why an adapter that is back cannot be listened to.
     last_refusal: String,
 }
@@ -58,7 +62,8 @@ impl SlcanTap {
         let whole = |what: String| SourceError::new(&source, Place::Whole, what);
         let given = options.bitrate.map(Rate::new).transpose().map_err(whole)?;
         let search = Search::begin(Instant::now());
-        let mut port = Adapter::new(open_port(path).map_err(|error| refusal(&source, &error))?);
+        let mut port =
+            Adapter::new(open_port(path).map_err(|error| refusal(&source, path, &error))?);
         let setting = port
             .listen(given.unwrap_or(search.rate()), options.allow_active)
             .map_err(|problem| because(&source, problem))?;
@@ -68,7 +73,15 @@ impl SlcanTap {
         });
         let ear = Ear::new(name, &source);
         let last_refusal = String::new();
-        Ok(SlcanTap { path: path.to_owned(), source, options, state, ear, last_refusal })
+        Ok(SlcanTap {
+            path: path.to_owned(),
+            source,
+            options,
+            state,
+            ear,
+            is_search_told: false,
+            last_refusal,
+        })
     }
 
     fn error(&self, what: impl Into<String>) -> SourceError {
@@ -88,6 +101,9 @@ impl SlcanTap {
         (mut port, setting, mut search): (Port, Setting, Search),
         out: &mut Outbox,
     ) -> Result<State, SourceError> {
+        if !std::mem::replace(&mut self.is_search_told, true) {
+            out.note(&format!("{}: {}", self.source, search::told()));
+        }
         if let Err(error) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
             return self.lose(None, error, out);
         }
@@ -169,7 +185,7 @@ impl SlcanTap {
         let port = open_port(&self.path).map_err(|error| {
             // That it is not there was said.
             let is_there = error.kind != serialport::ErrorKind::Io(io::ErrorKind::NotFound);
-            is_there.then(|| refusal(&self.source, &error).what)
+            is_there.then(|| refusal(&self.source, &self.path, &error).what)
         })?;
         let mut port = Adapter::new(port);
         let search = Search::begin(Instant::now());
@@ -198,8 +214,13 @@ fn open_port(path: &str) -> serialport::Result<Box<dyn SerialPort>> {
 }
 
 /// Why a port cannot be opened, and what to do.
-fn refusal(source: &str, error: &serialport::Error) -> SourceError {
+fn refusal(source: &str, path: &str, error: &serialport::Error) -> SourceError {
     use serialport::ErrorKind::{Io, NoDevice};
+    let device = fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    if let (NoDevice, holders @ [_, ..]) = (error.kind, &*holders(&device)) {
+        let what = format!("{} has this port: close it there first", holders.join(", "));
+        return SourceError::new(source, Place::Whole, what);
+    }
     let what = match error.kind {
         Io(io::ErrorKind::NotFound) => "there is no such port: is the adapter plugged in?",
         Io(io::ErrorKind::PermissionDenied) => {
@@ -240,8 +261,17 @@ impl Reader for SlcanTap {
 
 impl Tap for SlcanTap {
     fn end(&mut self, out: &mut Outbox) {
-        if let Some(State::Listening(..)) = self.state {
-            self.ear.end(out);
+        match self.state.take() {
+            Some(State::Listening(..)) => self.ear.end(out),
+            Some(State::Searching(_, setting, search)) => {
+                self.ear.announce(&setting, out);
+                match search.cut_short() {
+                    Ok(frames) => frames.into_iter().for_each(|frame| out.frame(BUS, frame)),
+                    Err(why) => out.warning(self.error(why)),
+                }
+                self.ear.end(out);
+            }
+            _ => {}
         }
     }
 }
