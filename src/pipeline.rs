@@ -152,6 +152,11 @@ impl Pipeline {
                 let mut out = Output::new(&mut self.last_number, &mut *consumer);
                 self.buses[bus].hear_wire(wire, event, &mut out);
             }
+            Piece::Bitrate(number, rate) => {
+                let bus = self.channels[numbers[number]].bus;
+                let mut out = Output::new(&mut self.last_number, &mut *consumer);
+                self.buses[bus].set_bitrate(rate, &mut out);
+            }
             Piece::Comment(number, time, text) => {
                 let bus = self.channels[numbers[number]].bus;
                 consumer.comment(self.buses[bus].info(), time, text);

@@ -2,7 +2,7 @@
 
 use dissectors::event::Moment;
 use dissectors::field::{Role, Value};
-use dissectors::finding::{Code, Finding, Severity, State};
+use dissectors::finding::{Code, Cure, Finding, Severity, State};
 use dissectors::record::{Record, Sink, Turn};
 use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
@@ -110,6 +110,25 @@ pub struct FindingTally {
     pub count: u64,
     /// When.
     pub period: Period,
+    /// What to do first, each with how often it was the right thing.
+    cures: Vec<(&'static Cure, u64)>,
+}
+
+impl FindingTally {
+    fn add(&mut self, time: Moment, cure: &'static Cure) {
+        self.count += 1;
+        self.period.add(time);
+        match self.cures.iter_mut().find(|(known, _)| *known == cure) {
+            Some((_, count)) => *count += 1,
+            None => self.cures.push((cure, 1)),
+        }
+    }
+
+    /// What to do first: what helps against most of them.
+    pub fn cure(&self) -> &'static Cure {
+        let most = self.cures.iter().rev().max_by_key(|(_, count)| *count);
+        most.map_or(&self.code.cure, |(cure, _)| cure)
+    }
 }
 
 /// Everything that was counted.
@@ -251,10 +270,10 @@ impl Tally {
     fn add_findings(&mut self, record: &Record<'_>) {
         let is_end = |finding: &&Finding| matches!(finding.state, Some(State::End(_)));
         let told = record.findings.iter().filter(|finding| !is_end(finding));
-        for code in told.map(|finding| finding.code).chain(record.ongoing.iter().copied()) {
-            let finding = self.finding(code, record);
-            finding.count += 1;
-            finding.period.add(record.start);
+        let told = told.map(|finding| (finding.code, finding.cure()));
+        let ongoing = record.ongoing.iter().map(|code| (*code, &code.cure));
+        for (code, cure) in told.chain(ongoing) {
+            self.finding(code, record).add(record.start, cure);
         }
         for code in record.withheld {
             *self.withheld.entry(code.name).or_default() += 1;
@@ -268,7 +287,8 @@ impl Tally {
         };
         let index = self.findings.iter().position(is_it).unwrap_or_else(|| {
             let (bus, period) = (bus.clone(), Period::NEVER);
-            self.findings.push(FindingTally { code, bus, station, count: 0, period });
+            let cures = Vec::new();
+            self.findings.push(FindingTally { code, bus, station, count: 0, period, cures });
             self.findings.len() - 1
         });
         &mut self.findings[index]

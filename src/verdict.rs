@@ -53,7 +53,7 @@ impl Verdict {
         let several = buses.len() > 1;
         let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline, cut));
         Verdict {
-            line: clean(&line(buses, several)),
+            line: clean(&line(buses, several, cut)),
             who: clean(&who(tally, several)),
             wrong: clean(&wrong),
             open: clean(&open(tally, pipeline, cut)),
@@ -66,9 +66,11 @@ impl Verdict {
     }
 }
 
-fn line(buses: &[Bus], several: bool) -> String {
-    if buses.is_empty() {
-        return "silent: nothing was heard".to_owned();
+fn line(buses: &[Bus], several: bool, cut: Option<Cut>) -> String {
+    match cut {
+        _ if !buses.is_empty() => {}
+        Some(Cut::Failure) => return "not known: the source failed".to_owned(),
+        Some(Cut::Interruption) | None => return "silent: nothing was heard".to_owned(),
     }
     let texts = buses.iter().map(|bus| {
         let name = if several { format!("{} ", bus.info().name) } else { String::new() };
@@ -235,7 +237,7 @@ fn who_of(stations: &[&StationTally]) -> String {
 fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let (shown, all) = (tally.records, pipeline.records());
     if all == 0 {
-        return "nothing was heard".to_owned();
+        return unheard(pipeline.buses(), cut).to_owned();
     }
     if shown == 0 {
         return format!("none of {} was selected", counted(all, "record"));
@@ -245,6 +247,22 @@ fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let of = if shown < all { format!(" selected of {all}") } else { String::new() };
     let judged = judged(tally, pipeline, cut);
     format!("nothing found in {}{of}{infos}; {judged}", counted(shown, "record"))
+}
+
+/// What is told, and to do, where nothing was heard at all.
+fn unheard(buses: &[Bus], cut: Option<Cut>) -> &'static str {
+    if cut == Some(Cut::Failure) {
+        return "nothing was heard -> see what is said of the source above";
+    }
+    match buses.first().and_then(Bus::protocol).map(|protocol| protocol.medium) {
+        Some(Medium::Serial) => {
+            "nothing was heard -> check that the master runs, A to A, B to B, ground to ground"
+        }
+        Some(Medium::Can) => {
+            "nothing was heard -> check that the bus runs, CAN_H to CAN_H, CAN_L to CAN_L, bit rate"
+        }
+        Some(Medium::Words) | None => "nothing was heard",
+    }
 }
 
 /// The worst that was found, and what to do about it.
@@ -284,10 +302,10 @@ fn wrong(tally: &Tally, several: bool, clock: &Clock) -> Option<String> {
     let is_one = heard > 1 && worst.count * 10 >= all * 9;
     match worst.station.filter(|_| is_one) {
         Some(station) => {
-            let _ = write!(text, " -> {} of {station}", worst.code.cure.one);
+            let _ = write!(text, " -> {} of {station}", worst.cure().one);
         }
         None => {
-            let _ = write!(text, " -> {}", worst.code.cure.all);
+            let _ = write!(text, " -> {}", worst.cure().all);
         }
     }
     Some(text)
@@ -300,7 +318,8 @@ fn counted(count: u64, what: &str) -> String {
 fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let unread = (tally.unread > 0).then_some("lines that could not be read");
     let names = tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name));
-    let parity = (unknown_parity(pipeline.buses()) > 0).then_some("parity");
+    let [unknown, suspect] = open_parity(pipeline.buses());
+    let parity = (unknown + suspect > 0).then_some("parity");
     let load = is_load_open(pipeline.buses()).then_some("load");
     let whole = cut.map(Cut::open).into_iter().chain(unread);
     let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).collect();
@@ -310,8 +329,10 @@ fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     }
 }
 
-fn unknown_parity(buses: &[Bus]) -> u64 {
-    buses.iter().map(|bus| bus.counts().unknown_parity).sum()
+/// Characters whose parity is not known, and those one of which had an error.
+fn open_parity(buses: &[Bus]) -> [u64; 2] {
+    let sum = |count: fn(LineCounts) -> u64| buses.iter().map(|bus| count(bus.counts())).sum();
+    [sum(|counts| counts.unknown_parity), sum(|counts| counts.suspect_parity)]
 }
 
 /// Whether frames of a CAN bus came while its rate was not known: without it there is no load.
@@ -339,6 +360,12 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     if tally.unread > 0 {
         open.push(format!("{} could not be read", counted(tally.unread, "line")));
     }
+    if pipeline.records() == 0 {
+        open.push("everything: nothing was heard".to_owned());
+    }
+    if let times @ 1.. = buses.iter().map(|bus| bus.counts().deaf).sum() {
+        open.push(format!("what was on the line while nobody listened, {times} x"));
+    }
     if let times @ 1.. = pipeline.steps_back() {
         open.push(format!("times run backwards {times} x"));
     }
@@ -346,7 +373,13 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         let name = name.rsplit('.').next().unwrap_or(name);
         open.push(format!("{name} not judged {count} x ({})", why_withheld(tally, buses)));
     }
-    let unknown = unknown_parity(buses);
+    let [unknown, suspect] = open_parity(buses);
+    if suspect > 0 {
+        open.push(format!(
+            "parity of {} not judged (suspect: the adapter marks whole packets)",
+            counted(suspect, "character")
+        ));
+    }
     if unknown > 0 {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }

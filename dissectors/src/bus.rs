@@ -64,12 +64,16 @@ pub struct LineCounts {
     pub damaged: u64,
     /// Characters whose parity is not known.
     pub unknown_parity: u64,
+    /// Characters one of which had a parity error, and nobody knows which.
+    pub suspect_parity: u64,
     /// Pulses too short for a bit, dropped or outvoted.
     pub glitches: u64,
     /// Breaks.
     pub breaks: u64,
     /// Losses and overruns.
     pub losses: u64,
+    /// Those of them in which nobody listened.
+    pub deaf: u64,
 }
 
 impl Sampling {
@@ -197,6 +201,18 @@ impl Bus {
         if let Some(sampling) = facts.sampling {
             self.hear_levels(None, out);
             self.line.go_on(sampling);
+        }
+        if facts.medium == Some(Medium::Can) && facts.baud.is_some() {
+            self.set_bitrate(facts.baud, out);
+        }
+    }
+
+    /// Frames come at this bit rate from here on, or at one that is not known, unless the user
+    /// decided. What was heard before keeps its own.
+    pub fn set_bitrate(&mut self, rate: Option<Baud>, out: &mut Output<'_>) {
+        if self.wire().baud() != rate {
+            self.decoder.set_bitrate(self.wire(), rate, out);
+            self.given = Wire::new(rate, self.given.format());
         }
     }
 

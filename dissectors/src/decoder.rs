@@ -2,7 +2,7 @@
 
 use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load, RateSearch};
-use crate::event::{Break, Event, Loss, Moment};
+use crate::event::{Break, Event, Loss, LossCause, Moment};
 use crate::finding::Finding;
 use crate::interbus::{self, line::Crc};
 use crate::measure::Measurement;
@@ -159,6 +159,7 @@ impl Decoder {
                 for character in *characters {
                     counts.damaged += u64::from(character.is_damaged());
                     counts.unknown_parity += u64::from(character.parity() == Parity::Unknown);
+                    counts.suspect_parity += u64::from(character.parity() == Parity::Suspect);
                 }
             }
             Event::Frames(frames) => {
@@ -173,7 +174,10 @@ impl Decoder {
                 counts.bad_cycles += u64::from(is_bad);
             }
             Event::Break(_) => counts.breaks += 1,
-            Event::Lost(_) => counts.losses += 1,
+            Event::Lost(loss) => {
+                counts.losses += 1;
+                counts.deaf += u64::from(loss.cause == LossCause::Deaf);
+            }
             Event::Levels(_) | Event::Advance(_) | Event::Silence(_) => {}
         }
     }
@@ -258,6 +262,31 @@ impl Decoder {
         if !frames.is_empty() {
             self.pass_on(Event::Frames(frames), out);
         }
+    }
+
+    /// The tap was set to another bit rate.
+    pub fn set_bitrate(&mut self, before: Wire, rate: Option<Baud>, out: &mut Output<'_>) {
+        if self.settings.can.bitrate.is_some() {
+            return;
+        }
+        if let Stage::Finding { held, .. } = &self.stage {
+            if held.is_empty() {
+                return;
+            }
+            self.find_out(before, out);
+        }
+        let Stage::Decoding { wire, dissector, .. } = &mut self.stage else { return };
+        let old = core::mem::replace(wire, Wire::new(rate, wire.format()));
+        dissector.learn_rate(*wire);
+        let wire = *wire;
+        self.search = self.must_find_rate(wire).then(RateSearch::default);
+        self.conclusions.retain(|conclusion| conclusion.subject != BITRATE);
+        let evidence = match old.baud() {
+            Some(old) => format!("the tap was set to another one on the way; {old} before"),
+            None => String::from("the tap was set to it on the way"),
+        };
+        let value = rate.map(|rate| rate.to_string());
+        self.conclusions.push(Conclusion { subject: BITRATE, station: None, value, evidence });
     }
 
     fn learn_rate(&mut self, baud: Baud, evidence: String) {
@@ -355,7 +384,11 @@ impl Decoder {
                 Speaks::Yes(evidence) => {
                     let value = Some(String::from(protocol.name));
                     let subject = "protocol";
-                    self.conclusions.push(Conclusion { subject, station: None, value, evidence });
+                    // Silence speaks for nothing. Words are not held.
+                    if medium == Medium::Words || !characters.is_empty() || !frames.is_empty() {
+                        let station = None;
+                        self.conclusions.push(Conclusion { subject, station, value, evidence });
+                    }
                     return (protocol, note);
                 }
                 Speaks::NoBut(finding) => note = note.or(Some(finding)),

@@ -156,6 +156,8 @@ pub enum LossCause {
     Capture,
     /// The receiver was overrun.
     Overrun,
+    /// Nobody listened: the interface was down, or the port or adapter gone.
+    Deaf,
 }
 
 /// What a tap hears on one bus.

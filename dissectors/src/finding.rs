@@ -52,7 +52,7 @@ pub struct Code {
 }
 
 /// What to do first, in a few words.
-#[derive(Debug)]
+#[derive(PartialEq, Eq, Debug)]
 pub struct Cure {
     /// Where one station is hit: ` of ` and its number are put behind it, so it ends in something
     /// that a station has.
@@ -93,13 +93,23 @@ pub struct Finding {
     pub characters: u64,
     /// Set where a lasting condition begins or ends.
     pub state: Option<State>,
+    /// What to do first, where more is known of the cause than the code tells.
+    better: Option<&'static Cure>,
 }
 
 impl Finding {
     /// A finding without numbers.
     #[must_use]
     pub const fn new(code: &'static Code) -> Self {
-        Finding { code, expected: None, actual: None, limit: None, characters: 0, state: None }
+        Finding {
+            code,
+            expected: None,
+            actual: None,
+            limit: None,
+            characters: 0,
+            state: None,
+            better: None,
+        }
     }
 
     /// With what the rule asks for.
@@ -135,6 +145,22 @@ impl Finding {
     pub const fn state(mut self, state: State) -> Self {
         self.state = Some(state);
         self
+    }
+
+    /// With what to do first in place of what the code says.
+    #[must_use]
+    pub const fn cured_by(mut self, cure: &'static Cure) -> Self {
+        self.better = Some(cure);
+        self
+    }
+
+    /// What to do first.
+    #[must_use]
+    pub const fn cure(&self) -> &'static Cure {
+        match self.better {
+            Some(cure) => cure,
+            None => &self.code.cure,
+        }
     }
 
     /// The code's severity; the end of a state is only worth knowing.

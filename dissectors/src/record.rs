@@ -100,6 +100,7 @@ pub trait Layer {
 
 static BROKEN: [Finding; 1] = [Finding::new(&uart::BREAK)];
 static LOST: [Finding; 1] = [Finding::new(&uart::LOST)];
+static DEAF: [Finding; 1] = [Finding::new(&uart::LOST).cured_by(&uart::LISTEN_AGAIN)];
 static OVERRUN: [Finding; 1] = [Finding::new(&uart::OVERRUN)];
 
 impl<'a> Record<'a> {
@@ -194,6 +195,7 @@ impl<'a> Record<'a> {
         self.findings = match loss.cause {
             LossCause::Capture => &LOST,
             LossCause::Overrun => &OVERRUN,
+            LossCause::Deaf => &DEAF,
         };
         self
     }
@@ -255,6 +257,12 @@ impl<'a> Record<'a> {
             Heard::Lost(loss) => loss.count,
             _ => None,
         }
+    }
+
+    /// Whether nobody listened here, so that nobody knows what there was.
+    #[must_use]
+    pub fn is_deaf(&self) -> bool {
+        matches!(self.heard, Heard::Lost(Loss { cause: LossCause::Deaf, .. }))
     }
 
     /// A field of the protocol's table.

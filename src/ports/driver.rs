@@ -2,6 +2,7 @@
 
 use super::rate::Divider;
 use super::tree;
+use dissectors::uart::ParityMarks;
 use serde::Serialize;
 use std::path::Path;
 
@@ -42,6 +43,18 @@ pub struct Driver {
     pub counters: Counters,
 }
 
+/// The driver of the chips that [`UNPROVEN`] is about.
+const OF_CP210X: &str = "cp210x";
+
+/// What is to be known of a CP2102: "possibly counterfeit" ones have no event mode, which the driver
+/// notices and tells in debug messages only (cp210x.c, cp2102_determine_quirks()).
+pub const UNPROVEN: &str =
+    "copies of the CP2102 mark no parity errors, and look like those that do";
+
+/// How to find out: with the wrong parity set every character has an error.
+pub const PROOF: &str = "to be sure, listen to the running bus with --frame 8O1 for a moment: a chip that marks errors \
+     marks every character";
+
 /// Drivers of 16550s that divide their clock as the first of them did.
 const OF_8250: [&str; 5] = ["serial", "serial8250", "8250", "8250_pci", "of_serial"];
 
@@ -52,7 +65,7 @@ const DRIVERS: [(&[&str], Granularity, Counters); 9] = [
     // One status a URB. TIOCGICOUNT is not there (FreeRDP #2205).
     (&["pl2303", "f81232", "f81534a", "SPCP8x5"], Granularity::Packet, Counters::Missing),
     // In its event mode, which is on only while INPCK is set. Counts since Linux 5.9.
-    (&["cp210x"], Granularity::Character, Counters::Available),
+    (&[OF_CP210X], Granularity::Character, Counters::Available),
     // ch341 never marks.
     (&["ch341", "ch341-uart"], Granularity::Never, Counters::Unknown),
     // cdc-acm counts the notifications of the device, and marks nothing.
@@ -73,6 +86,21 @@ impl Driver {
             known.map_or((Granularity::Unknown, Counters::Unknown), |known| (known.1, known.2));
         Driver { granularity, counters }
     }
+
+    /// What marks mean of characters heard through it, given that the port keeps the parity
+    /// setting. Of a driver that is not known a mark is taken at its word.
+    pub fn parity_marks(self) -> ParityMarks {
+        match self.granularity {
+            Granularity::Packet => ParityMarks::Packet,
+            Granularity::Never | Granularity::None => ParityMarks::None,
+            Granularity::Character | Granularity::Unknown => ParityMarks::Character,
+        }
+    }
+}
+
+/// Whether nobody knows if a chip of this driver does what the driver asks of it.
+pub fn is_unproven(driver: &str) -> bool {
+    driver == OF_CP210X
 }
 
 /// How a USB adapter makes its rate; `None` where that is not known. `bcd_device` is the release

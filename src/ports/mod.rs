@@ -7,13 +7,15 @@
 
 mod can;
 mod driver;
+mod holder;
 mod rate;
 mod serial;
 mod tree;
 mod usable;
 
 pub use can::{CanPort, Link};
-pub use driver::{Counters, Granularity};
+pub use driver::{Counters, Driver, Granularity, PROOF, UNPROVEN, is_unproven};
+pub use holder::holders;
 pub use serial::SerialPort;
 pub use usable::Obstacle;
 

@@ -191,6 +191,9 @@ fn known_troubles(port: &SerialPort, is_console: bool) -> Vec<Obstacle> {
         )),
         Granularity::Character | Granularity::Packet | Granularity::Unknown => {}
     }
+    if port.driver.as_deref().is_some_and(driver::is_unproven) {
+        troubles.push(Obstacle::warning(driver::UNPROVEN, driver::PROOF));
+    }
     if let Some(latency) = port.latency_timer_ms.filter(|latency| *latency > LEAST_LATENCY_MS) {
         troubles.push(Obstacle::warning(
             format!("characters come in lumps of up to {latency} ms, and response times drown"),

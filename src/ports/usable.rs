@@ -1,7 +1,7 @@
 //! Why something cannot be used, and what to do.
 
 use super::Machine;
-use super::tree;
+use super::holder::holders_among;
 use serde::Serialize;
 use std::fs;
 use std::path::Path;
@@ -61,7 +61,7 @@ pub fn obstacle(machine: &Machine, device: &Path) -> Option<Obstacle> {
     if !machine.asks_who_holds {
         return None;
     }
-    let holders = holders(machine, &shown);
+    let holders = holders_among(&machine.path("proc"), Path::new(&shown));
     (!holders.is_empty()).then(|| {
         let what = format!("in use by {}", holders.join(", "));
         Obstacle::stop(what, "end it: two that read a port get half of the characters each")
@@ -100,24 +100,4 @@ fn group_name(machine: &Machine, number: u32) -> String {
         (parts.nth(1)?.parse() == Ok(number)).then(|| name.to_owned())
     });
     name.unwrap_or_else(|| number.to_string())
-}
-
-/// Who has a device open, as far as the user may see: name and number of each process but this.
-fn holders(machine: &Machine, device: &str) -> Vec<String> {
-    let is_process = |(name, _): &(String, _)| {
-        name.bytes().all(|byte| byte.is_ascii_digit()) && *name != std::process::id().to_string()
-    };
-    let processes = tree::entries(&machine.path("proc")).into_iter().filter(is_process);
-    let holding = processes.filter(|(_, process)| {
-        let files = fs::read_dir(process.join("fd")).into_iter().flatten().flatten();
-        files
-            .into_iter()
-            .any(|file| fs::read_link(file.path()).is_ok_and(|target| target == Path::new(device)))
-    });
-    holding
-        .map(|(number, process)| match tree::text(&process, "comm") {
-            Some(name) => format!("{name} (process {number})"),
-            None => format!("process {number}"),
-        })
-        .collect()
 }

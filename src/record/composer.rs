@@ -60,8 +60,7 @@ pub struct Bus {
     pub lost: [u64; 2],
     facts: WireFacts,
     medium: Option<Medium>,
-    /// ± of stamps, and the number of the interface for these.
-    interfaces: Vec<(u32, u32)>,
+    interfaces: Vec<Known>,
     /// Frames lost just now: told with the next frame if it is of the same time.
     pending: Option<Loss>,
     comments: Vec<String>,
@@ -71,6 +70,15 @@ pub struct Bus {
     reach: Moment,
     /// The source said up to when it listened.
     is_reach_told: bool,
+}
+
+/// An interface that was described.
+#[derive(Clone, Copy)]
+struct Known {
+    /// ± of its stamps.
+    uncertainty: u32,
+    baud: Option<Baud>,
+    number: u32,
 }
 
 /// Composes blocks.
@@ -122,7 +130,22 @@ impl Composer {
         self.numbers.push(known.unwrap_or(self.buses.len()));
         if known.is_none() {
             self.buses.push(Bus::new(info, facts));
+        } else if let (Some(known), true, Some(Medium::Can)) =
+            (known, facts.baud.is_some(), facts.medium)
+        {
+            self.buses[known].facts.baud = facts.baud;
         }
+    }
+
+    /// A bus of frames is listened to at this bit rate from here on.
+    ///
+    /// # Errors
+    /// There is no room for it in pcapng.
+    pub fn set_bitrate(&mut self, bus: usize, rate: Option<Baud>) -> io::Result<()> {
+        let bus = self.numbers[bus];
+        self.settle(bus)?;
+        self.buses[bus].facts.baud = rate;
+        Ok(())
     }
 
     /// Somebody commented on what is heard next.
@@ -227,8 +250,9 @@ impl Composer {
     fn lost(&mut self, index: usize, loss: Loss) -> io::Result<()> {
         let bus = &mut self.buses[index];
         bus.counts.losses += 1;
+        bus.counts.deaf += u64::from(loss.cause == LossCause::Deaf);
         let place = match loss.cause {
-            LossCause::Capture => 0,
+            LossCause::Capture | LossCause::Deaf => 0,
             LossCause::Overrun => 1,
         };
         bus.lost[place] = bus.lost[place].saturating_add(loss.count.unwrap_or(0));
@@ -238,7 +262,8 @@ impl Composer {
         if bus.medium == Some(Medium::Can) {
             self.settle(index)?;
             self.buses[index].pending = Some(loss);
-            return Ok(());
+            // No frame follows at once, and none could tell why.
+            return if loss.cause == LossCause::Deaf { self.settle(index) } else { Ok(()) };
         }
         let interface = self.some_interface(index)?;
         let comments = self.comments(index);
@@ -288,8 +313,9 @@ impl Composer {
     /// An interface of a bus where the ± does not matter.
     fn some_interface(&mut self, index: usize) -> io::Result<u32> {
         let bus = &self.buses[index];
-        match bus.interfaces.last() {
-            Some((_, number)) => Ok(*number),
+        let fits = |known: &&Known| known.baud == bus.facts.baud;
+        match bus.interfaces.iter().rfind(fits) {
+            Some(known) => Ok(known.number),
             None => self.interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
         }
     }
@@ -301,9 +327,10 @@ impl Composer {
             true => uncertainty,
             false => uncertainty.checked_next_power_of_two().unwrap_or(u32::MAX),
         };
-        let known = bus.interfaces.iter().find(|(known, _)| *known == uncertainty);
-        if let Some((_, number)) = known {
-            return Ok(*number);
+        let is_it =
+            |known: &&Known| (known.uncertainty, known.baud) == (uncertainty, bus.facts.baud);
+        if let Some(known) = bus.interfaces.iter().find(is_it) {
+            return Ok(known.number);
         }
         bus.medium = bus.medium.or(Some(medium));
         let clock = clock_of(&bus.info, medium)?;
@@ -320,7 +347,7 @@ impl Composer {
         let begin = self.writer.out().len();
         let described = Interface { bus: &bus.info, clock, uncertainty, baud, carries };
         let number = self.writer.interface(&described)?;
-        bus.interfaces.push((uncertainty, number));
+        bus.interfaces.push(Known { uncertainty, baud, number });
         self.heads.push(self.writer.out().split_off(begin));
         Ok(number)
     }
@@ -370,14 +397,14 @@ impl Composer {
         let Composer { heads, buses, writer, .. } = self;
         let ends = |limit: Moment| {
             for bus in buses.iter_mut() {
-                let Some((_, interface)) = bus.interfaces.first() else { continue };
+                let Some(Known { number, .. }) = bus.interfaces.first() else { continue };
                 let is_limited = bus.reach.is_after(limit);
                 let end = if is_limited { limit } else { bus.reach };
                 // What the source does not tell is not known to whoever reads the file either.
                 let told = (is_limited || bus.is_reach_told).then_some(end);
                 let comments = std::mem::take(&mut bus.comments);
                 // Times that have no room were refused when their blocks were composed.
-                let _ = writer.end(*interface, end, told, Extras::comments(comments));
+                let _ = writer.end(*number, end, told, Extras::comments(comments));
             }
             std::mem::take(writer.out())
         };

@@ -5,8 +5,8 @@
 
 use super::names::Names;
 use super::ring::Ring;
+use super::shelf::Shelf;
 use dissectors::event::Moment;
-use std::collections::VecDeque;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -23,8 +23,8 @@ pub struct Files {
     directory: PathBuf,
     ring: Ring,
     number: u32,
-    /// Those that are whole and were not deleted.
-    kept: VecDeque<PathBuf>,
+    /// Those that are finished.
+    shelf: Shelf,
     open: Option<Open>,
     /// Something could not be written: nothing more is.
     is_broken: bool,
@@ -72,7 +72,7 @@ impl Files {
             directory: directory.to_owned(),
             ring,
             number: 0,
-            kept: VecDeque::new(),
+            shelf: Shelf::new(ring.files),
             open: None,
             is_broken: false,
             finished: 0,
@@ -114,6 +114,7 @@ impl Files {
         if self.is_broken {
             return Ok(());
         }
+        self.check()?;
         if self.open.is_none() {
             self.begin(from)?;
         }
@@ -134,6 +135,7 @@ impl Files {
     /// # Errors
     /// It cannot be written.
     pub fn attend(&mut self) -> Result<(), WriteError> {
+        self.check()?;
         let since = self.open.as_ref().and_then(|open| open.waiting_since);
         match since {
             Some(since) if since.elapsed() >= LONGEST_WAIT => self.flush(),
@@ -141,16 +143,31 @@ impl Files {
         }
     }
 
-    /// Ends the file that is being written with these blocks, and gives it its name.
+    /// Ends the file that is being written with these blocks. It gets its name as soon as it is on
+    /// the disk.
     ///
     /// # Errors
-    /// It cannot be written, or renamed.
+    /// It cannot be written.
     pub fn finish(&mut self, ends: &[u8]) -> Result<(), WriteError> {
         let Some(open) = &mut self.open else { return Ok(()) };
         open.buffer.extend_from_slice(ends);
         self.bytes += ends.len() as u64;
         self.flush()?;
-        self.name_it()
+        self.shelve();
+        Ok(())
+    }
+
+    /// Waits until every file that is finished is on the disk and bears its name.
+    ///
+    /// # Errors
+    /// One could not be brought there, or not be renamed.
+    pub fn settle(&mut self) -> Result<(), WriteError> {
+        self.shelf.settle().inspect_err(|_| self.is_broken = true)
+    }
+
+    /// Whether files that were finished got where they belong.
+    fn check(&mut self) -> Result<(), WriteError> {
+        self.shelf.check().inspect_err(|_| self.is_broken = true)
     }
 
     fn begin(&mut self, begin: Moment) -> Result<(), WriteError> {
@@ -178,30 +195,17 @@ impl Files {
         let Err(cause) = open.flush() else { return Ok(()) };
         self.is_broken = true;
         let path = open.names.part.clone();
-        // What is whole is worth its name, and no more will come. That it cannot be renamed either
-        // leaves it where it is, to be read all the same.
-        let _ = self.name_it();
+        // What is whole is worth its name, and no more will come. Where it cannot be renamed either
+        // it stays where it is, to be read all the same.
+        self.shelve();
         Err(WriteError { path, cause })
     }
 
-    fn name_it(&mut self) -> Result<(), WriteError> {
-        let Some(Open { names, file, .. }) = self.open.take() else { return Ok(()) };
-        drop(file);
-        fs::rename(&names.part, &names.whole)
-            .map_err(|cause| WriteError { path: names.part, cause })?;
-        self.finished += 1;
-        self.kept.push_back(names.whole);
-        while self.ring.files.is_some_and(|most| self.kept.len() > most as usize) {
-            let Some(oldest) = self.kept.pop_front() else { break };
-            match fs::remove_file(&oldest) {
-                // The user was faster.
-                Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
-                    return Err(WriteError { path: oldest, cause });
-                }
-                _ => {}
-            }
+    fn shelve(&mut self) {
+        if let Some(Open { names, file, .. }) = self.open.take() {
+            self.finished += 1;
+            self.shelf.put(file, names);
         }
-        Ok(())
     }
 }
 
@@ -288,6 +292,7 @@ mod tests {
         // 500 + 3 x 1000 bytes fit into 4000.
         (0..10).for_each(|second| write(&mut files, second));
         files.finish(&[]).unwrap();
+        files.settle().unwrap();
         assert_eq!((files.finished, files.bytes), (4, 12_000));
         let mut sizes: Vec<_> = fs::read_dir(directory.path())
             .unwrap()

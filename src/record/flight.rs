@@ -209,6 +209,7 @@ mod tests {
             assert!(flight.bytes <= 16, "{} are held", flight.bytes);
         }
         flight.finish(&mut ends, &mut files).unwrap();
+        files.settle().unwrap();
         contents(directory.path())
     }
 

@@ -9,6 +9,7 @@ mod files;
 mod flight;
 mod names;
 mod ring;
+mod shelf;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -95,6 +96,7 @@ impl Recorder {
         match piece {
             Piece::Bus(info, facts) => self.composer.bus(info.clone(), *facts),
             Piece::Heard(bus, event) => self.composer.hear(*bus, *event)?,
+            Piece::Bitrate(bus, rate) => self.composer.set_bitrate(*bus, *rate)?,
             Piece::Comment(bus, _, text) => self.composer.comment(*bus, text),
             Piece::End(bus, at) => self.composer.end(*bus, *at),
             Piece::Warning(_) | Piece::Note(_) => return Ok(()),
@@ -108,6 +110,7 @@ impl Recorder {
                     copy.bus(info.clone(), *facts);
                 }
                 Piece::Heard(bus, event) => copy.hear(*bus, *event),
+                Piece::Bitrate(bus, rate) => copy.bitrate(*bus, *rate),
                 Piece::End(bus, at) => copy.end(*bus, *at),
                 Piece::Comment(..) | Piece::Warning(_) | Piece::Note(_) => return Ok(()),
             }
@@ -183,11 +186,20 @@ impl Recorder {
         Ok(self.files.attend()?)
     }
 
-    /// Ends the recording. Returns what the watch has seen, if there was one.
+    /// Ends the recording, and waits until its files are on the disk. Returns what the watch has
+    /// seen, if there was one.
     ///
     /// # Errors
-    /// The last file cannot be finished.
+    /// The last file cannot be finished, or one does not get to the disk.
     pub fn finish(&mut self) -> Result<Option<Watcher>, RecordError> {
+        let watcher = self.finish_files();
+        let settled = self.files.settle();
+        let watcher = watcher?;
+        settled?;
+        Ok(watcher)
+    }
+
+    fn finish_files(&mut self) -> Result<Option<Watcher>, RecordError> {
         self.composer.settle_all()?;
         self.keep()?;
         let Some(events) = &mut self.events else {

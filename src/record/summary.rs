@@ -17,7 +17,9 @@ pub struct Summary {
     files: u64,
     is_open: bool,
     events: Option<u64>,
+    /// Losses besides the times in which nobody listened.
     losses: u64,
+    deaf: u64,
     /// Those counted: in the capture, and at the receiver.
     lost: [u64; 2],
 }
@@ -36,7 +38,8 @@ impl Summary {
             files: files.finished,
             is_open: files.is_open(),
             events: recorder.events(),
-            losses: sum(|bus| bus.counts.losses),
+            losses: sum(|bus| bus.counts.losses - bus.counts.deaf),
+            deaf: sum(|bus| bus.counts.deaf),
             lost: [sum(|bus| bus.lost[0]), sum(|bus| bus.lost[1])],
         }
     }
@@ -61,14 +64,21 @@ impl fmt::Display for Summary {
         write!(f, "; {} bytes in {} file{}{open}; ", self.bytes, self.files, plural(self.files))?;
         let [capture, receiver] = self.lost;
         match self.losses {
-            0 => f.write_str("nothing lost"),
-            1 => {
-                write!(f, "lost once: {capture} counted in the capture, {receiver} at the receiver")
-            }
+            0 if self.deaf > 0 => {}
+            0 => f.write_str("nothing lost")?,
+            1 => write!(
+                f,
+                "lost once: {capture} counted in the capture, {receiver} at the receiver"
+            )?,
             times => write!(
                 f,
                 "lost {times} times: {capture} counted in the capture, {receiver} at the receiver"
-            ),
+            )?,
+        }
+        match (self.losses, self.deaf) {
+            (_, 0) => Ok(()),
+            (0, times) => write!(f, "nobody listened {times} x"),
+            (_, times) => write!(f, "; nobody listened {times} x"),
         }
     }
 }
@@ -123,12 +133,13 @@ mod tests {
             is_open: true,
             events: None,
             losses: 2,
+            deaf: 1,
             lost: [7, 0],
         };
         assert_eq!(
             summary.to_string(),
             "recorded 1 h 2 min: 41212 characters, 1 break; 1234567 bytes in 2 files and one being \
-             written; lost 2 times: 7 counted in the capture, 0 at the receiver"
+             written; lost 2 times: 7 counted in the capture, 0 at the receiver; nobody listened 1 x"
         );
     }
 }

@@ -133,9 +133,11 @@ fn serial() -> Vec<Delivery> {
             out.silence(0, now);
         }));
     }
-    // A request that nobody answers, and then nothing for a second.
+    // The port is gone for a while. A request that nobody answers, and then nothing for a second.
     script.push(Box::new(|out| {
         let at = Moment::from_ns(BEGIN + 7_000_000_000);
+        let start = at.plus(-500_000_000);
+        out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
         out.characters(0, [Character::new(at, 16_000_000, 0x80, Parity::Ok).interpolated()]);
         out.silence(0, at.plus(1_000_000_000));
     }));
@@ -154,6 +156,7 @@ fn a_serial_tap() {
         "\"lost\":3",
         "uart.overrun",
         "uart.break",
+        "nobody listened",
     ] {
         assert!(live.contains(word), "{word} is in what is compared");
     }
@@ -197,10 +200,20 @@ fn can() -> Vec<Delivery> {
             out.silence(0, at.plus(9_000_000));
         }));
     }
-    // The interface goes down, and that is all.
+    // The interface goes down, comes back with another bit rate, and goes down again.
+    for (after_s, rate) in [(6, Some(250_000)), (7, None), (8, Some(125_000))] {
+        script.push(Box::new(move |out| {
+            let start = Moment::from_ns(BEGIN + after_s * 1_000_000_000);
+            out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
+            out.bitrate(0, rate.and_then(Baud::new));
+            let id = Identifier::standard(0x42D).unwrap();
+            let frame = Frame::data(start.plus(500_000_000), 50_000, id, &[0x9A, 1, 0, 0]);
+            out.frame(0, frame);
+        }));
+    }
     script.push(Box::new(|out| {
-        let start = Moment::from_ns(BEGIN + 6_000_000_000);
-        out.lost(0, Loss { start, count: None, cause: LossCause::Capture });
+        let start = Moment::from_ns(BEGIN + 9_000_000_000);
+        out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
         out.end(0, start.plus(500_000_000));
     }));
     script
@@ -210,8 +223,19 @@ fn can() -> Vec<Delivery> {
 fn a_can_tap() {
     let (live, _) = compare(can, "");
     let lost = live.lines().filter(|line| line.contains("\"kind\":\"lost\"")).count();
-    assert_eq!(lost, 11, "{live}");
+    assert_eq!(lost, 14, "{live}");
+    // The same frame takes half the time at twice the bit rate.
+    let last = live.lines().filter(|line| line.contains("\"can\":{\"id\":1069")).rev();
+    let times: Vec<Option<u64>> = last
+        .take(4)
+        .map(|line| {
+            serde_json::from_str::<serde_json::Value>(line).unwrap()["duration_ns"].as_u64()
+        })
+        .collect();
+    let whole = times[3].unwrap();
+    assert_eq!(times, [Some(whole), None, Some(whole / 2), Some(whole)], "latest first");
     assert!(live.contains("\"direction\":\"tx\"") && live.contains("\"lost\":7"));
+    assert!(live.contains("nobody listened: the interface was down or gone"), "{live}");
     assert!(compare(can, "size=20k").1 > 2);
 }
 

@@ -6,6 +6,7 @@ use super::{SourceError, SourceOptions};
 use dissectors::bus::WireFacts;
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
+use dissectors::uart::Baud;
 
 /// Most buses that are believed.
 const MOST: usize = 1024;
@@ -23,6 +24,8 @@ pub struct Buses {
 struct Known {
     info: BusInfo,
     medium: Medium,
+    /// The bit rate that was told last.
+    bitrate: Option<Baud>,
     /// `None` where the user did not ask for it.
     number: Option<usize>,
 }
@@ -61,8 +64,17 @@ impl Buses {
             self.announced += 1;
             out.bus(info.clone(), WireFacts { medium: Some(medium), ..facts });
         }
-        self.known.push(Known { info, medium, number });
+        self.known.push(Known { info, medium, bitrate: facts.baud, number });
         Ok(number)
+    }
+
+    /// What is heard next on a bus of this number came at this bit rate.
+    pub fn hear_at(&mut self, bus: usize, bitrate: Option<Baud>, out: &mut Outbox) {
+        let known = self.known.iter_mut().find(|known| known.number == Some(bus));
+        if let Some(known) = known.filter(|known| known.bitrate != bitrate) {
+            known.bitrate = bitrate;
+            out.bitrate(bus, bitrate);
+        }
     }
 
     /// Whether every bus that was asked for was there. To be asked at the end of the source.

@@ -5,7 +5,7 @@ use super::can::packet;
 use super::outbox::Outbox;
 use super::rtac;
 use dissectors::can::Direction;
-use dissectors::event::Moment;
+use dissectors::event::{LossCause, Moment};
 use pcap_file::DataLink;
 
 /// A packet as its container has it.
@@ -19,6 +19,8 @@ pub struct Packet<'a> {
     pub original_length: u32,
     /// What the container counts as lost before it.
     pub lost_before: Option<u64>,
+    /// Why, where the container tells; else the capture has a gap.
+    pub loss_cause: LossCause,
     /// Who sent it, if the container tells.
     pub direction: Option<Direction>,
 }

@@ -29,7 +29,7 @@ mod samples;
 mod selection;
 mod sr;
 mod stream;
-mod tap_note;
+pub mod tap_note;
 #[cfg(test)]
 mod transcript;
 mod uart9;
@@ -57,6 +57,8 @@ pub enum Piece<'a> {
     Bus(BusInfo, WireFacts),
     /// Something was heard on a bus.
     Heard(usize, Event<'a>),
+    /// A bus of frames is listened to at this bit rate from here on, or at one that is not known.
+    Bitrate(usize, Option<Baud>),
     /// Somebody's comment on what was heard at this time, to be kept in conversions.
     Comment(usize, Moment, &'a str),
     /// The capture of a bus ends here; unknown where the source does not tell.

@@ -10,7 +10,7 @@ use dissectors::can::Frame;
 use dissectors::event::{Break, Event, Levels, Loss, Moment};
 use dissectors::interbus::Row;
 use dissectors::record::BusInfo;
-use dissectors::uart::Character;
+use dissectors::uart::{Baud, Character};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -75,6 +75,7 @@ enum Waiting {
     Levels { bus: usize, edges: Range<usize>, level: bool, from: u64, until: u64 },
     Break(usize, Break),
     Lost(usize, Loss),
+    Bitrate(usize, Option<Baud>),
     Silence(usize, Moment),
     Comment(usize, Moment, Range<usize>),
     Warning(SourceError),
@@ -158,6 +159,11 @@ impl Outbox {
         self.waiting.push_back(Waiting::Lost(bus, loss));
     }
 
+    /// The frames of a bus come at another bit rate from here on, or at one that is not known.
+    pub fn bitrate(&mut self, bus: usize, rate: Option<Baud>) {
+        self.waiting.push_back(Waiting::Bitrate(bus, rate));
+    }
+
     /// Somebody commented on what was heard at this time.
     pub fn comment(&mut self, bus: usize, at: Moment, text: &str) {
         let text = self.keep(text);
@@ -201,6 +207,7 @@ impl Outbox {
         match piece {
             Piece::Bus(info, facts) => self.bus(info, facts),
             Piece::Heard(bus, event) => self.hear(bus, event),
+            Piece::Bitrate(bus, rate) => self.bitrate(bus, rate),
             Piece::Comment(bus, at, text) => self.comment(bus, at, text),
             Piece::End(bus, at) => self.end(bus, at),
             Piece::Warning(warning) => self.warning(warning),
@@ -263,6 +270,7 @@ impl Outbox {
             }
             Waiting::Break(bus, event) => Piece::Heard(bus, Event::Break(event)),
             Waiting::Lost(bus, loss) => Piece::Heard(bus, Event::Lost(loss)),
+            Waiting::Bitrate(bus, rate) => Piece::Bitrate(bus, rate),
             Waiting::Silence(bus, until) => Piece::Heard(bus, Event::Advance(until)),
             Waiting::Comment(bus, at, range) => Piece::Comment(bus, at, &self.text[range]),
             Waiting::Warning(warning) => Piece::Warning(warning),

@@ -11,7 +11,7 @@ use super::tap_note::TapNote;
 use super::{Input, Place, SourceError, SourceOptions};
 use byteorder_slice::{BigEndian, LittleEndian};
 use dissectors::bus::WireFacts;
-use dissectors::event::Moment;
+use dissectors::event::{LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use pcap_file::Endianness;
@@ -133,6 +133,7 @@ impl Pcap {
             return Err(self.cut());
         };
         let packet = Packet {
+            loss_cause: LossCause::Capture,
             at: stamp(raw.ts_sec, raw.ts_frac, unit),
             bytes: &raw.data,
             original_length: raw.orig_len,

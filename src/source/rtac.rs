@@ -106,13 +106,13 @@ impl Tap {
 
     /// Puts what a packet says in the outbox. Returns what is wrong with it, if something is.
     pub fn hear(&self, packet: &Packet<'_>, out: &mut Outbox) -> Option<String> {
-        let Packet { at, bytes, original_length, .. } = *packet;
+        let Packet { at, bytes, original_length, loss_cause, .. } = *packet;
         let missing = u64::from(original_length).saturating_sub(bytes.len() as u64);
         let lost = packet.lost_before.filter(|count| *count > 0);
         let parsed = event(bytes).ok();
         let is_loss = matches!(parsed, Some((_, CAPTURE_DATA_LOST | SERIAL_OVERFLOW)));
         if lost.is_some() && !is_loss {
-            self.lose(at, lost, LossCause::Capture, out);
+            self.lose(at, lost, loss_cause, out);
         }
         let Some((bytes, event)) = parsed else {
             self.lose(at, None, LossCause::Capture, out);
@@ -129,7 +129,7 @@ impl Tap {
                 let unframed = |c: Character| c.with_parity(self.unframed).with_framing_error();
                 self.characters(at, bytes, unframed, out);
             }
-            CAPTURE_DATA_LOST => self.lose(at, lost, LossCause::Capture, out),
+            CAPTURE_DATA_LOST => self.lose(at, lost, loss_cause, out),
             SERIAL_OVERFLOW => self.lose(at, lost, LossCause::Overrun, out),
             SERIAL_BREAK => {
                 let event = Break { start: at, uncertainty: self.uncertainty, duration: None };
@@ -198,7 +198,9 @@ mod tests {
             let Once(tap, bytes, original_length, lost_before) = self;
             let at = Moment::from_ns(1_000_000);
             let (original_length, lost_before) = (*original_length, *lost_before);
-            let packet = Packet { at, bytes, original_length, lost_before, direction: None };
+            let loss_cause = LossCause::Capture;
+            let (direction, bytes) = (None, &bytes[..]);
+            let packet = Packet { at, bytes, original_length, lost_before, loss_cause, direction };
             if let Some(oddity) = tap.hear(&packet, out) {
                 out.warning(SourceError::new("test", Place::Whole, oddity));
             }

@@ -6,6 +6,12 @@ use dissectors::uart::{Format, ParityMarks};
 
 const BEGINNING: &str = "fieldtap-tap:";
 
+/// How comments on a loss begin that tell more of it than the format has room for.
+pub const LOSS: &str = "fieldtap-loss: ";
+
+/// The comment on a loss because nobody listened.
+pub const DEAF: &str = "fieldtap-loss: nobody listened";
+
 /// What an interface tells about itself. By default, what holds for captures by other programs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct TapNote {

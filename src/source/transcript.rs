@@ -39,6 +39,7 @@ fn line(piece: &Piece<'_>) -> String {
         Piece::Bus(info, facts) => bus(info, facts),
         Piece::Heard(bus, event) => format!("{bus}: {}", heard(event)),
         Piece::Comment(bus, time, text) => format!("{bus}: comment{} {text:?}", at(*time)),
+        Piece::Bitrate(bus, rate) => format!("{bus}: at {rate:?}"),
         Piece::End(bus, time) => format!("{bus}: end{}", at(*time)),
         Piece::Note(note) => format!("note: {note}"),
         Piece::Warning(warning) => format!("warning: {warning}"),

@@ -178,8 +178,22 @@ fn what_the_tap_knows_of_parity_is_handed_on() {
     let first = scratch.file("first.pcapng", bytes);
     let second = scratch.path("second.pcapng");
     fieldtap(["convert", argument(&first), argument(&second)]).good();
+    let suspects = first.clone();
     let (first, second) = (records(&first), records(&second));
     assert!(first.iter().any(|record| record.to_string().contains("suspect")));
+    // Each character with a parity error is a packet of its own there.
+    let original = here("captures/slin-parity/parity.pcapng");
+    let plain = ["read", "--protocol", "uart", "--format", "json", argument(&original)];
+    let is_bad = |record: &Value| record["uart"]["parity"] == "error";
+    let bad = fieldtap(plain).good().records().iter().filter(|record| is_bad(record)).count();
+    for protocol in ["slin", "uart"] {
+        let run = fieldtap(["read", "--protocol", protocol, argument(&suspects)]).good();
+        let open = format!(
+            "parity of {bad} characters not judged (suspect: the adapter marks whole packets)"
+        );
+        assert!(bad > 1 && run.stderr.contains(&open), "{}", run.stderr);
+        assert!(!run.stderr.contains("everything was judged"), "{}", run.stderr);
+    }
     assert!(first.iter().map(meaning).eq(second.iter().map(meaning)));
     // Known of some characters only: that has no place there.
     let text = "time,byte,parity\n0.000000000,83,ok\n0.000345486,1A,unknown\n";

@@ -1,9 +1,11 @@
 //! Live CAN taps. Adapters are played on a pseudo terminal, and every byte they are sent is kept.
 //! Interfaces need a kernel with CAN.
 
-use crate::harness::fieldtap;
+use crate::harness::{Scratch, argument, codes, fieldtap};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serde_json::Value;
+use std::os::unix::fs::symlink;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -197,6 +199,80 @@ fn an_adapter_that_is_unplugged_is_told() {
     assert_eq!(status, Some(3));
     assert!(trace.contains("123h"), "what came before is good: {trace}");
     assert!(told.contains("the adapter is gone: was it unplugged?"), "{told}");
+}
+
+/// A program that listens to what a link leads to, as udev's names do.
+fn start_waiting(link: &Path, options: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_fieldtap"))
+        .args(["read", &format!("slcan:{}", argument(link)), "--protocol", "can", "--reconnect"])
+        .args(options)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program is there")
+}
+
+#[test]
+fn an_adapter_that_comes_back_is_listened_to_again() {
+    let scratch = Scratch::new();
+    let link = scratch.path("adapter");
+    let mut first = good("S4", b"t1230\r");
+    symlink(&first.path, &link).expect("links can be made");
+    let child = start_waiting(&link, &["--bitrate", "125k", "--format", "json"]);
+    first.wait_for("L ");
+    thread::sleep(Duration::from_millis(300));
+    std::fs::remove_file(&link).expect("it is there");
+    first.unplug();
+    thread::sleep(Duration::from_millis(700));
+    let second = good("S4", b"t4560\r");
+    symlink(&second.path, &link).expect("links can be made");
+    second.wait_for("L ");
+    thread::sleep(Duration::from_millis(300));
+    interrupt(&child);
+    let (trace, told, status) = end(child);
+    assert_eq!(status, Some(130), "{told}");
+    let records: Vec<Value> =
+        trace.lines().map(|line| serde_json::from_str(line).expect("it is JSON")).collect();
+    let kinds: Vec<&str> = records.iter().filter_map(|record| record["kind"].as_str()).collect();
+    assert_eq!(kinds, ["frame", "lost", "frame"], "{trace}");
+    assert_eq!([&records[0]["can"]["id"], &records[2]["can"]["id"]], [0x123, 0x456]);
+    assert_eq!(codes(&records[1]), ["can.dropped"]);
+    assert!(records[1]["summary"].as_str().expect("text").starts_with("nobody listened"));
+    assert!(told.contains("waiting for it to come back"), "{told}");
+    assert!(told.contains("the adapter is back"), "{told}");
+    assert!(told.contains("-> nobody listened meanwhile: check plug and supply"), "{told}");
+    assert!(told.contains("what was on the line while nobody listened, 1 x"), "{told}");
+    second.wait_for("L C ");
+    assert_eq!(second.heard(), "C V N S4 Z1 L C ");
+}
+
+#[test]
+fn an_adapter_that_vanishes_while_the_rate_is_looked_for_is_waited_for() {
+    let scratch = Scratch::new();
+    let link = scratch.path("adapter");
+    let mut first = good("S5", b"");
+    symlink(&first.path, &link).expect("links can be made");
+    let child = start_waiting(&link, &["--count", "1"]);
+    first.wait_for("L ");
+    std::fs::remove_file(&link).expect("it is there");
+    first.unplug();
+    // One that cannot listen only is told, and not listened to.
+    let mut wrong = Adapter::play(|command| match command {
+        "L" => b"\x07".to_vec(),
+        _ => b"\r".to_vec(),
+    });
+    symlink(&wrong.path, &link).expect("links can be made");
+    wrong.wait_for("L C ");
+    std::fs::remove_file(&link).expect("it is there");
+    wrong.unplug();
+    let second = good("S4", b"t4560\r");
+    symlink(&second.path, &link).expect("links can be made");
+    let (trace, told, status) = end(child);
+    assert_eq!(status, Some(0), "{told}");
+    assert!(trace.contains("456h"), "{trace}");
+    let refused = told.matches("it is back, but the adapter refuses L").count();
+    assert_eq!(refused, 1, "{told}");
+    second.wait_for("L C ");
 }
 
 #[test]

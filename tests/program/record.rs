@@ -1,6 +1,7 @@
 //! Recordings: what is on disk, whatever ends them.
 
 use crate::harness::{Run, Scratch, argument, codes, fieldtap, fieldtap_fed, here, say};
+use crate::peers::ask;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -95,6 +96,42 @@ fn a_recording_reads_like_what_was_recorded() {
         let last = |run: &Run| run.stderr.lines().rev().take(4).map(str::to_owned).collect();
         let (saved, live): (Vec<String>, Vec<String>) = (last(&saved), last(&live));
         assert_eq!(saved, live, "{capture}");
+    }
+}
+
+/// A name without content is what a power cut leaves of a file that was renamed too early.
+#[test]
+fn a_file_is_on_the_disk_before_it_has_its_name() {
+    if ask("strace", "strace", &["-V"]).is_none() {
+        return;
+    }
+    let scratch = Scratch::new();
+    let (log, directory) = (scratch.file("calls", ""), scratch.path("tape"));
+    let heard = scratch.file("heard.chars", ninety_seconds(&[]));
+    let recording = Command::new("strace")
+        .args(["-f", "-y", "-e", "trace=write,fsync,fdatasync,rename,renameat,renameat2", "-o"])
+        .arg(&log)
+        .args([env!("CARGO_BIN_EXE_fieldtap"), "record", "-q", "--ring", "duration=30s", "-w"])
+        .args([&directory, &heard])
+        .status();
+    assert!(recording.expect("it was there").success());
+    assert_eq!(files(&directory).len(), 3);
+    let calls = std::fs::read_to_string(&log).expect("it was written");
+    for file in files(&directory) {
+        let whole = argument(&file);
+        let part = format!("{whole}.part");
+        let mut calls = calls.lines().enumerate();
+        let mut after = |what: &str, is_it: &dyn Fn(&str) -> bool| {
+            let found = calls.find(|(_, call)| is_it(call));
+            assert!(found.is_some(), "{what} of {part}");
+        };
+        after("a write", &|call| call.contains("write(") && call.contains(&part));
+        after("a sync", &|call| call.contains("fsync(") && call.contains(&part));
+        after("the name", &|call| call.contains("rename") && call.contains(&part));
+        let directory = format!("<{}>", argument(&directory));
+        after("a sync of the folder", &|call| call.contains("fsync(") && call.contains(&directory));
+        let synced = calls.any(|(_, call)| call.contains("write(") && call.contains(&part));
+        assert!(!synced, "nothing is written to {part} behind that");
     }
 }
 

@@ -146,7 +146,7 @@ fn a_second_reader_is_told_who_has_the_port() {
     let tap = Tap::start(&[]);
     let second = fieldtap(["read", &format!("serial:{}", tap.port)]);
     assert_eq!(second.status, 3);
-    let holder = format!("fieldtap ({}) has this port", tap.child.id());
+    let holder = format!("fieldtap (process {}) has this port", tap.child.id());
     assert!(second.stderr.contains(&holder), "{}", second.stderr);
     tap.interrupt();
     assert_eq!(tap.end().status, 130);

@@ -147,21 +147,34 @@ pub static DROPPED: Code = Code {
     is_cause: false,
     meaning: "Frames were on the wire that are not in the capture.",
     rule: "Nothing is judged across a loss: neither time-outs nor sequences.",
-    evidence: "What the log or the tap's controller says: dropped frames, a controller overrun.",
+    evidence: "What the log or the tap's controller says: dropped frames, a controller overrun. Where nobody listened, the sentence says so: then what was on the bus meanwhile is not known.",
     causes: &[
         "the capturing computer was too slow or its buffer too small",
         "the adapter was overrun",
+        "nobody listened: the interface went down, or the adapter was unplugged or lost its supply",
     ],
     next: &[
+        "where nobody listened, check plug and supply of the adapter, and who sets the interface down: ip link show can0",
         "capture on an idle computer, or with a larger buffer",
         "compare with the number of frames that the interface counted: ip -s link show can0",
     ],
     cure: Cure { one: "capture again the frames", all: "capture again on an idle computer" },
     say: |_, record, out| match record.lost() {
+        _ if record.is_deaf() => write!(
+            out,
+            "nobody listened: the interface was down or gone, and what was on the bus meanwhile is \
+             not known"
+        ),
         Some(1) => write!(out, "one frame was lost"),
         Some(count) => write!(out, "{count} frames were lost"),
         None => write!(out, "frames were lost"),
     },
+};
+
+/// What to do first where nobody listened.
+pub static LISTEN_AGAIN: Cure = Cure {
+    one: "check plug and supply of the tap, not judging meanwhile the frames",
+    all: "nobody listened meanwhile: check plug and supply of the adapter, ip link show",
 };
 
 /// A frame is sent again and again because nobody acknowledges it.

@@ -182,7 +182,10 @@ pub fn duration(bits: Option<u16>, wire: Wire) -> Option<u64> {
 }
 
 /// The finding of a loss.
-pub static LOST: [Finding; 1] = [Finding::new(&codes::DROPPED)];
+static LOST: [Finding; 1] = [Finding::new(&codes::DROPPED)];
+
+/// The finding of a time in which nobody listened.
+static DEAF: [Finding; 1] = [Finding::new(&codes::DROPPED).cured_by(&codes::LISTEN_AGAIN)];
 
 impl Dissector for Can {
     fn hear(&mut self, bus: &BusInfo, heard: Event<'_>, out: &mut Output<'_>) {
@@ -244,6 +247,6 @@ pub fn lose(
 ) {
     let nothing = FrameFields::new(None);
     let mut record = Record::new(protocol, FRAME, (bus, wire), &nothing).of_loss(loss);
-    record.findings = &LOST;
+    record.findings = if record.is_deaf() { &DEAF } else { &LOST };
     out.emit(record);
 }

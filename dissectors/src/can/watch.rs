@@ -54,8 +54,12 @@ impl Watch {
         }
     }
 
-    /// The rate is known from now on.
-    pub const fn learn_rate(&mut self, wire: Wire) {
+    /// The rate is known from now on, or the tap was set to another one. At that, nothing good was
+    /// heard yet.
+    pub fn learn_rate(&mut self, wire: Wire) {
+        if self.wire.baud().is_some() {
+            (self.has_good, self.errors_alone, self.is_rate_doubted) = (false, 0, false);
+        }
         self.wire = wire;
     }
 
@@ -253,6 +257,21 @@ mod tests {
             assert_eq!(codes(&mut watch, &flag), ["can.error-frame"]);
         }
         assert!(watch.is_repeating());
+    }
+
+    #[test]
+    fn errors_alone_are_doubted_anew_at_another_rate() {
+        let mut watch = watch();
+        codes(&mut watch, &frame(0, None));
+        let error = Violation::Stuff.report(0x08, Moment::UNKNOWN, 0);
+        let doubts = |watch: &mut Watch| {
+            (0..ERRORS_ALONE)
+                .filter(|_| codes(watch, &error).contains(&"can.wrong-bitrate"))
+                .count()
+        };
+        assert_eq!(doubts(&mut watch), 0, "there was a good frame");
+        watch.learn_rate(Wire::new(Baud::new(250_000), Format::FT12));
+        assert_eq!(doubts(&mut watch), 1);
     }
 
     #[test]

@@ -165,7 +165,7 @@ impl Telegram<'_> {
         }
     }
 
-    fn summarize_response(&self, out: &mut dyn fmt::Write) -> fmt::Result {
+    fn summarize_response(&self, uncertainty: u32, out: &mut dyn fmt::Write) -> fmt::Result {
         self.who(out)?;
         match (self.position, self.data_words) {
             (Some(position), _) => write!(out, " answers {position}")?,
@@ -177,7 +177,12 @@ impl Telegram<'_> {
             write!(out, " {}", resolution.place(position))?;
         }
         match self.response_time {
-            Some(ns) => write!(out, " in {}", Span(ns)),
+            Some(ns) => {
+                write!(out, " in {}", Span(ns))?;
+                // That of both stamps: what is less than it tells nothing alone.
+                let both = 2 * i64::from(uncertainty);
+                if both >= ns.saturating_abs() { write!(out, " ±{}", Span(both)) } else { Ok(()) }
+            }
             None => Ok(()),
         }
     }
@@ -220,7 +225,9 @@ impl Layer for Telegram<'_> {
                 write!(out, "master asks ")?;
                 self.who(out)
             }
-            Heard::Characters(_) if record.kind == RESPONSE => self.summarize_response(out),
+            Heard::Characters(_) if record.kind == RESPONSE => {
+                self.summarize_response(record.uncertainty, out)
+            }
             Heard::Characters(_) if record.kind == PARTIAL => {
                 self.summarize_characters("character", out)?;
                 write!(out, ", cut off by the edge of the capture")

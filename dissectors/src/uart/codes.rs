@@ -97,13 +97,15 @@ pub static LOST: Code = Code {
     is_cause: false,
     meaning: "The capture says that something was lost here.",
     rule: "What is not in the capture is not judged; telegrams around the gap may be torn.",
-    evidence: "The loss event of the capture, or a gap between two pieces of it.",
+    evidence: "The loss event of the capture, or a gap between two pieces of it. Where nobody listened, the sentence says so: then what was on the line meanwhile is not known.",
     causes: &[
         "the program that captured could not keep up",
-        "a live port vanished and came back, or was listened to at another rate for a while",
+        "nobody listened: the adapter was unplugged or lost its supply, and came back",
+        "a live port was listened to at another rate for a while",
         "the logic analyzer was switched off or its channel was not recorded for a while",
     ],
     next: &[
+        "where nobody listened, check plug, cable and supply of the adapter",
         "record again; a lower sample rate (8 samples a bit are plenty) makes logic analyzers lose less",
         "do not take findings next to the gap for faults of the bus",
     ],
@@ -111,7 +113,19 @@ pub static LOST: Code = Code {
         one: "judge nothing next to the gap; record again the traffic",
         all: "record again; judge nothing next to the gap",
     },
-    say: |_, record, out| lost(record, out, "the capture has a gap"),
+    say: |_, record, out| match record.is_deaf() {
+        true => write!(
+            out,
+            "nobody listened: the port was gone, and what was on the line meanwhile is not known"
+        ),
+        false => lost(record, out, "the capture has a gap"),
+    },
+};
+
+/// What to do first where nobody listened.
+pub static LISTEN_AGAIN: Cure = Cure {
+    one: "check plug and supply of the tap, not judging meanwhile the traffic",
+    all: "nobody listened meanwhile: check plug, cable and supply of the adapter",
 };
 
 /// A and B are swapped.

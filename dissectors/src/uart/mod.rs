@@ -16,7 +16,8 @@ mod setup;
 
 pub use character::{Character, Parity, ParityMarks};
 pub use codes::{
-    BREAK, CODES, FRAMING, LOST, OVERRUN, SETUP_CODES, SWAPPED_LINES, WRONG_PARITY, WRONG_RATE,
+    BREAK, CODES, FRAMING, LISTEN_AGAIN, LOST, OVERRUN, SETUP_CODES, SWAPPED_LINES, WRONG_PARITY,
+    WRONG_RATE,
 };
 pub use dissector::PROTOCOL;
 pub use format::{Baud, Format, FormatError, ParityRule, Wire};

@@ -2,8 +2,9 @@
 //! what a tap hears.
 
 use super::{can, serial};
+use crate::source::tap_note;
 use dissectors::can::Frame;
-use dissectors::event::{Break, Clock, Loss, Moment};
+use dissectors::event::{Break, Clock, Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use dissectors::uart::{Baud, Character, Format, ParityMarks, Wire};
@@ -173,8 +174,9 @@ impl<W: Write> BlockWriter<W> {
         &mut self,
         interface: u32,
         loss: Loss,
-        comments: Vec<String>,
+        mut comments: Vec<String>,
     ) -> io::Result<()> {
+        comments.extend(note(loss.cause));
         serial::compose_event(loss.start, serial::event_of(loss.cause), &mut self.data)?;
         self.packet(interface, loss.start, None, 0, Extras { comments, lost: loss.count })
     }
@@ -188,8 +190,9 @@ impl<W: Write> BlockWriter<W> {
         &mut self,
         interface: u32,
         loss: Loss,
-        comments: Vec<String>,
+        mut comments: Vec<String>,
     ) -> io::Result<()> {
+        comments.extend(note(loss.cause));
         self.data.clear();
         let lost = Some(loss.count.unwrap_or(u64::MAX));
         self.packet(interface, loss.start, None, LOST_FRAME, Extras { comments, lost })
@@ -291,6 +294,11 @@ pub fn duration(time: Moment) -> io::Result<Duration> {
                 .to_owned(),
         )
     })
+}
+
+/// What is said of a loss that the format has no room for.
+fn note(cause: LossCause) -> Option<String> {
+    (cause == LossCause::Deaf).then(|| tap_note::DEAF.to_owned())
 }
 
 fn clamped(mut text: String) -> String {

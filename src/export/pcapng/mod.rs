@@ -8,7 +8,7 @@ pub use blocks::{BlockWriter, Carries, Extras, Interface, clock_of, runs, unsupp
 pub use serial::check;
 
 use super::Export;
-use dissectors::event::Moment;
+use dissectors::event::{Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::{BusInfo, Heard, Record, Sink};
 use dissectors::uart::{Character, Parity, ParityMarks};
@@ -75,6 +75,15 @@ impl<W: Write> PcapNg<W> {
             Heard::Break(event) => {
                 let extras = self.extras(bus, event.start, comments);
                 self.writer.line_break(interface, event, extras)?;
+            }
+            Heard::Lost(loss)
+                if record.protocol.medium == Medium::Can && loss.cause == LossCause::Deaf =>
+            {
+                // No frame follows at once that could tell of it.
+                let at = &mut self.buses[bus];
+                let start = if loss.start.is_known() { loss.start } else { at.last };
+                comments.append(&mut at.pending);
+                self.writer.lost_frames(interface, Loss { start, ..loss }, comments)?;
             }
             Heard::Lost(loss) if record.protocol.medium == Medium::Can => {
                 let at = &mut self.buses[bus];

@@ -13,6 +13,7 @@ use dissectors::can::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLAS
 use dissectors::event::{Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
+use dissectors::uart::Baud;
 use nom::IResult;
 use nom::error::{Error, ErrorKind};
 use pcap_file::Endianness;
@@ -118,6 +119,11 @@ impl Tap {
         self.buses.iter().filter_map(|(_, number)| *number)
     }
 
+    /// The bit rate of its frames, if it tells.
+    pub fn bitrate(&self) -> Option<Baud> {
+        self.facts.baud
+    }
+
     /// Frames that were left out because they are neither classic nor CAN FD.
     pub fn foreign(&self) -> u64 {
         self.foreign
@@ -152,14 +158,14 @@ impl Tap {
     /// Puts what a packet of a bus says in the outbox. Returns what is wrong with it, if something
     /// is.
     pub fn hear(&self, bus: usize, packet: &Packet<'_>, out: &mut Outbox) -> Option<String> {
-        let lose = |count, out: &mut Outbox| {
-            out.lost(bus, Loss { start: packet.at, count, cause: LossCause::Capture });
+        let lose = |count, cause, out: &mut Outbox| {
+            out.lost(bus, Loss { start: packet.at, count, cause });
         };
         match packet.lost_before {
             None | Some(0) => {}
             // More than there can be: lost, and not counted.
-            Some(u64::MAX) => lose(None, out),
-            count => lose(count, out),
+            Some(u64::MAX) => lose(None, packet.loss_cause, out),
+            count => lose(count, packet.loss_cause, out),
         }
         if packet.bytes.is_empty() && packet.lost_before.is_some_and(|count| count > 0) {
             // Nothing but the loss: no frame followed it.
@@ -167,7 +173,7 @@ impl Tap {
         }
         let (bytes, cooking) = cooking(packet.bytes, self.form).ok()?;
         let Ok((data, header)) = header(bytes, self.id_order()) else {
-            lose(Some(1), out);
+            lose(Some(1), LossCause::Capture, out);
             let length = packet.bytes.len();
             let is_cut = packet.original_length as usize > length;
             let what = || format!("a packet of {length} bytes, too short for a CAN frame");

@@ -17,6 +17,7 @@ use super::link::{self, Packet, Tap};
 use super::outbox::{Outbox, Reader};
 use super::pcap::LONGEST_PACKET;
 use super::rtac;
+use super::tap_note;
 use super::{Input, Place, SourceError, SourceOptions};
 use blocks::{Block, Blocks};
 use dissectors::bus::WireFacts;
@@ -35,7 +36,8 @@ use pcap_file::pcapng::blocks::{
 const MOST_INTERFACES: usize = 1024;
 
 /// How comments begin that were made from what was decoded, and will be made anew.
-const OWN_COMMENTS: [&[u8]; 4] = [b"fieldtap: ", b"[error ", b"[warning ", b"[info "];
+const OWN_COMMENTS: [&[u8]; 5] =
+    [b"fieldtap: ", b"[error ", b"[warning ", b"[info ", tap_note::LOSS.as_bytes()];
 
 /// Whether a source begins like a pcapng file.
 pub fn is_pcapng(head: &[u8]) -> bool {
@@ -242,10 +244,14 @@ impl Listener {
             bytes: fields.bytes,
             original_length: fields.original_length,
             lost_before: fields.dropped,
+            loss_cause: fields.loss_cause,
             direction: fields.direction,
         };
         let bus = tap.bus_of(&packet, &mut self.buses, out).map_err(|what| blocks.error(what))?;
         let Some(bus) = bus else { return Ok(()) };
+        if let Tap::Can(tap) = tap {
+            self.buses.hear_at(bus, tap.bitrate(), out);
+        }
         comments(bus, at, fields.comments(), out);
         if let (Some(oddity), false) = (tap.hear(bus, &packet, out), self.told_oddity) {
             self.told_oddity = true;

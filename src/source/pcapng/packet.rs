@@ -1,7 +1,9 @@
 //! What blocks that come again and again say: packets, and an interface's statistics.
 
+use super::super::tap_note;
 use super::fields::{Options, Order};
 use dissectors::can::Direction;
+use dissectors::event::LossCause;
 use nom::IResult;
 use nom::error::{Error, ErrorKind};
 
@@ -20,6 +22,8 @@ pub struct PacketFields<'a> {
     pub original_length: u32,
     /// Packets lost before this one.
     pub dropped: Option<u64>,
+    /// Why they were.
+    pub loss_cause: LossCause,
     /// Who sent it, if that is told.
     pub direction: Option<Direction>,
     options: Options<'a>,
@@ -65,12 +69,13 @@ fn packet(
     };
     // Padding to four bytes.
     let options = rest.get(captured.next_multiple_of(4) - captured..).unwrap_or_default();
-    let mut direction = None;
+    let (mut direction, mut loss_cause) = (None, LossCause::Capture);
     for (code, value) in Options::new(order, options) {
         match code {
             EPB_DROPCOUNT => {
                 dropped = value.try_into().map(|count| order.u64(count)).ok().or(dropped)
             }
+            COMMENT if value == tap_note::DEAF.as_bytes() => loss_cause = LossCause::Deaf,
             EPB_FLAGS => direction = value.try_into().ok().and_then(|f| side(order.u32(f))),
             _ => {}
         }
@@ -81,6 +86,7 @@ fn packet(
         bytes,
         original_length: order.u32([e, f, g, h]),
         dropped,
+        loss_cause,
         direction,
         options: Options::new(order, options),
     };

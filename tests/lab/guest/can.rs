@@ -37,6 +37,11 @@ impl Interface {
         interface
     }
 
+    /// Sets a card that is down.
+    pub fn set_bitrate(&self, rate: u32) {
+        self.link.set_bitrate(rate, None).expect("it is down");
+    }
+
     pub fn up(&self) {
         self.link.bring_up().expect("it comes up");
     }

@@ -68,6 +68,34 @@ fn kvaser_what_the_controller_had_no_room_for_is_told() {
     assert_eq!(run.records.iter().filter(|record| tells(record)).count() as u64, overruns);
 }
 
+/// At half the bit rate a bit takes 4 µs instead of 2.
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn kvaser_a_bit_rate_that_was_changed_counts_from_there_on() {
+    let master = Interface::card("can0", false);
+    let ours = Interface::card("can1", true);
+    let mut tap = Tap::listen(&ARGUMENTS, "listen-only");
+    master.send_to(&ours, 0..1);
+    tap.wait_for(1, "frame");
+    ours.down();
+    tap.wait_for_words("went down");
+    ours.set_bitrate(250_000);
+    ours.up();
+    tap.wait_for_words("another bit rate");
+    master.send_to(&ours, 1..2);
+    tap.wait_for(2, "frame");
+    let run = tap.stop();
+
+    let of = |frame: &serde_json::Value| {
+        (frame["duration_ns"].as_u64(), frame["can"]["bits"].as_u64().expect("it is exact"))
+    };
+    let frames: Vec<_> = of_kind(&run.records, "frame").into_iter().map(of).collect();
+    let [(first, first_bits), (second, second_bits)] = frames[..] else { panic!("{frames:?}") };
+    assert_eq!((first, second), (Some(first_bits * 2_000), Some(second_bits * 4_000)));
+    assert!(run.stderr.contains("LINE   ok: 250 kbit/s"), "{}", run.stderr);
+    assert!(run.stderr.contains("-> nobody listened meanwhile"), "{}", run.stderr);
+}
+
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn kvaser_whoever_allows_it_listens_on_an_active_one() {

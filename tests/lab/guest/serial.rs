@@ -45,6 +45,7 @@ fn serial_ftdi_errors_are_those_of_a_packet() {
     assert_eq!(told(&run.records), expected, "{}", run.stderr);
     assert!(run.stderr.contains("whole packets"), "{}", run.stderr);
     assert!(run.stderr.contains("parity 1"), "the driver's counter: {}", run.stderr);
+    assert!(run.stderr.contains("parity of 3 characters not judged (suspect"), "{}", run.stderr);
     assert_silent(&adapter, adapter.look(|ftdi| ftdi.lines));
 }
 

@@ -116,6 +116,7 @@ fn vcan_an_interface_that_goes_down_is_waited_for() {
     let kinds = run.records.iter().map(|record| record["kind"].as_str().expect("text"));
     let kinds: Vec<&str> = kinds.skip_while(|kind| *kind == "frame").collect();
     assert_eq!(kinds.first(), Some(&"lost"), "{:?}", run.records);
+    assert!(run.stderr.contains("-> nobody listened meanwhile"), "{}", run.stderr);
     assert_eq!(run.status, Some(130), "{}", run.stderr);
 }
 

@@ -73,13 +73,21 @@ impl CanTap {
         let facts = WireFacts { medium: Some(Medium::Can), baud: bitrate, ..WireFacts::default() };
         out.bus(BusInfo::new(self.name.clone(), Some(Clock::Kernel)), facts);
         self.describe(out);
-        if let Some((set, asked)) = bitrate.map(|rate| rate.get()).zip(self.options.bitrate)
+        self.compare_with_asked(out);
+        self.is_announced = true;
+    }
+
+    /// The user's word on the bit rate counts in what is decoded, and does not set the interface.
+    fn compare_with_asked(&self, out: &mut Outbox) {
+        let set = self.interface.bitrate().map(|rate| rate.get());
+        if let Some((set, asked)) = set.zip(self.options.bitrate)
             && set != asked
         {
-            let what = format!("it listens at {set} bit/s, whatever --bitrate says");
-            out.warning(self.error(what));
+            out.warning(self.error(format!(
+                "it listens at {set} bit/s; load and times on the wire are reckoned with the \
+                 {asked} of --bitrate, so leave that out"
+            )));
         }
-        self.is_announced = true;
     }
 
     fn describe(&self, out: &mut Outbox) {
@@ -136,7 +144,7 @@ impl CanTap {
 
     /// From here on something may be on the bus that is not heard.
     fn miss(&self, out: &mut Outbox) {
-        out.lost(BUS, Loss { start: now(), count: None, cause: LossCause::Capture });
+        out.lost(BUS, Loss { start: now(), count: None, cause: LossCause::Deaf });
     }
 
     /// Looks whether an interface that is down is up again: its socket hears it then.
@@ -199,14 +207,17 @@ impl CanTap {
     }
 
     fn come_back(&mut self, interface: Interface, out: &mut Outbox) {
-        if interface.bitrate() != self.interface.bitrate() {
-            let what = "it came back with another bit rate: begin anew, the bus load is reckoned \
-                        with the old one";
-            out.warning(self.error(what));
-        }
+        let is_other = interface.bitrate() != self.interface.bitrate();
         self.interface = interface;
         self.next_look = Instant::now() + STATISTICS;
         self.describe(out);
+        if is_other {
+            out.bitrate(BUS, self.interface.bitrate());
+            out.warning(
+                self.error("it came back with another bit rate, which counts from here on"),
+            );
+            self.compare_with_asked(out);
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What drives a port, as sysfs tells, and what that means for parity and times.
 
+use crate::ports::Driver;
 use dissectors::uart::ParityMarks;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -79,13 +80,7 @@ impl Adapter {
 
     /// What it marks when it sees a parity error, given that the port keeps the parity setting.
     pub fn parity_marks(&self) -> ParityMarks {
-        match self.driver.as_deref() {
-            // One status for every packet or URB, applied to all characters in it.
-            Some("ftdi_sio" | "pl2303" | "f81232" | "f81534a" | "SPCP8x5") => ParityMarks::Packet,
-            // The one only counts, the other never looks.
-            Some("cdc_acm" | "ch341" | "ch341-uart") => ParityMarks::None,
-            _ => ParityMarks::Character,
-        }
+        Driver::named(self.driver.as_deref().unwrap_or_default()).parity_marks()
     }
 
     /// The latency timer of an FTDI adapter.

@@ -92,6 +92,11 @@ impl Port {
         format!("{} {}", self.baud, self.format)
     }
 
+    /// What nobody can know of it, and how to find out.
+    pub fn doubt(&self) -> Option<String> {
+        None
+    }
+
     /// What the user should know before believing what is heard.
     pub fn warnings(&self) -> Vec<String> {
         vec![

@@ -11,8 +11,6 @@ mod spread;
 #[cfg(target_os = "linux")]
 mod adapter;
 #[cfg(target_os = "linux")]
-mod holder;
-#[cfg(target_os = "linux")]
 mod ioctl;
 #[cfg(target_os = "linux")]
 mod latency;
@@ -146,6 +144,7 @@ impl Serial {
         let uncertainty = port.terms().uncertainty.as_secs_f64() * 1_000.0;
         let stamps = format!("stamps ±{uncertainty:.1} ms, taken when a read returns");
         self.note(&format!("{}; {stamps}", port.description()), out);
+        port.doubt().into_iter().for_each(|what| self.note(&what, out));
         port.warnings().into_iter().for_each(|what| self.warn(what, out));
     }
 
@@ -279,7 +278,7 @@ impl Serial {
         let start = Moment::from_ns(now());
         if self.may_reconnect {
             self.warn("the port is gone: waiting for it to come back", out);
-            out.lost(0, Loss { start, count: None, cause: LossCause::Capture });
+            out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
             return Ok(true);
         }
         self.note(&self.tally.to_string(), out);

@@ -5,10 +5,10 @@
 
 use super::adapter::Adapter;
 use super::counters::Counters;
-use super::holder::holders;
 use super::latency::Latency;
 use super::settings::{Kept, Refusal, apply};
 use super::{Terms, ioctl};
+use crate::ports::{self, holders};
 use dissectors::uart::{Baud, Format, ParityMarks, ParityRule};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -116,6 +116,13 @@ impl Port {
     pub fn description(&self) -> String {
         let (driver, Kept { baud, .. }) = (self.adapter.name(), &self.kept);
         format!("{driver}, {baud} {}, {}", self.format, self.latency.told)
+    }
+
+    /// What nobody can know of it, and how to find out.
+    pub fn doubt(&self) -> Option<String> {
+        let has_parity = self.kept.checks_parity && self.format.parity() != ParityRule::None;
+        (has_parity && ports::is_unproven(self.adapter.name()))
+            .then(|| format!("{}; {}", ports::UNPROVEN, ports::PROOF))
     }
 
     /// What the user should know before believing what is heard.

@@ -14,6 +14,12 @@ const WINDOW: Duration = Duration::from_secs(2);
 /// Most frames that are kept to be told once the rate is known: more than come in that time.
 const MOST: usize = 16_384;
 
+/// What is said of it at the beginning.
+pub fn told() -> String {
+    let rates = RATES.map(|rate| (rate / 1_000).to_string()).join(", ");
+    format!("looking for the bit rate: {rates} kbit/s, {} s each at most", WINDOW.as_secs())
+}
+
 /// Listening at one rate after the other.
 pub struct Search {
     rate: usize,
@@ -97,16 +103,33 @@ impl Search {
         }
     }
 
+    /// It ends before its time: what was heard at this rate, where that proves it, else why it is
+    /// not known.
+    pub fn cut_short(mut self) -> Result<Vec<Frame>, String> {
+        if self.errors == 0 && !self.frames.is_empty() {
+            return Ok(self.frames);
+        }
+        self.heard.push((self.frames.len(), self.errors));
+        Err(format!("the bit rate was not found before the end: {}", self.account()))
+    }
+
+    fn account(&self) -> String {
+        let told =
+            RATES.iter().zip(&self.heard).map(|(rate, (frames, errors))| match (frames, errors) {
+                (0, 0) => format!("nothing at {rate}"),
+                (frames @ 1.., errors) => {
+                    format!("frames ({frames}) and errors ({errors}) at {rate}")
+                }
+                (0, errors) => format!("{errors} errors at {rate}"),
+            });
+        format!("{} bit/s", told.collect::<Vec<_>>().join(", "))
+    }
+
     fn failure(&self) -> String {
-        let told = RATES.iter().zip(&self.heard).map(|(rate, (_, errors))| match errors {
-            0 => format!("nothing at {rate}"),
-            errors => format!("{errors} errors at {rate}"),
-        });
-        let told: Vec<String> = told.collect();
         format!(
-            "no frame was heard: {} bit/s. Is the bus running, CAN_H and CAN_L not swapped? A bus \
+            "no frame was heard: {}. Is the bus running, CAN_H and CAN_L not swapped? A bus \
              that is silent for a while, or has another rate, needs --bitrate",
-            told.join(", ")
+            self.account()
         )
     }
 }
@@ -156,6 +179,21 @@ mod tests {
     #[test]
     fn a_disturbed_bus_still_has_frames_at_its_rate_alone() {
         assert_eq!(search([(0, 50), (100, 3), (0, 50)]), "likely 250000");
+    }
+
+    #[test]
+    fn what_was_heard_before_it_ends_counts() {
+        let mut search = Search::begin(Instant::now());
+        search.hear(FRAME);
+        assert!(search.cut_short().is_ok_and(|frames| frames == [FRAME]));
+        let mut search = Search::begin(Instant::now());
+        search.hear(FRAME);
+        search.err();
+        let why = search.cut_short().unwrap_err();
+        assert!(
+            why.ends_with("before the end: frames (1) and errors (1) at 125000 bit/s"),
+            "{why}"
+        );
     }
 
     #[test]

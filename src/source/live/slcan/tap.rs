@@ -5,9 +5,11 @@ use super::super::super::{Place, SourceError, SourceOptions};
 use super::super::{LiveOptions, PATIENCE, Tap};
 use super::adapter::{Adapter, Problem, Rate, Setting};
 use super::ear::Ear;
-use super::search::{Search, Step};
+use super::search::{self, Search, Step};
+use crate::ports::holders;
 use dissectors::event::{Loss, LossCause};
 use serialport::SerialPort;
+use std::fs;
 use std::io;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -31,12 +33,20 @@ pub struct SlcanTap {
     /// `None` once it failed.
     state: Option<State>,
     ear: Ear,
+    /// It was said that the rate is looked for.
+    is_search_told: bool,
+    /// What was last said of why an adapter that is back cannot be listened to.
+    last_refusal: String,
 }
 
 enum State {
     Searching(Port, Setting, Search),
     Listening(Port, Setting),
-    Gone { rate: Rate, next_look: Instant },
+    /// It is waited for, to listen at this rate, or to look for the rate anew.
+    Gone {
+        rate: Option<Rate>,
+        next_look: Instant,
+    },
 }
 
 impl SlcanTap {
@@ -52,7 +62,8 @@ impl SlcanTap {
         let whole = |what: String| SourceError::new(&source, Place::Whole, what);
         let given = options.bitrate.map(Rate::new).transpose().map_err(whole)?;
         let search = Search::begin(Instant::now());
-        let mut port = Adapter::new(open_port(path).map_err(|error| refusal(&source, &error))?);
+        let mut port =
+            Adapter::new(open_port(path).map_err(|error| refusal(&source, path, &error))?);
         let setting = port
             .listen(given.unwrap_or(search.rate()), options.allow_active)
             .map_err(|problem| because(&source, problem))?;
@@ -61,7 +72,16 @@ impl SlcanTap {
             None => State::Searching(port, setting, search.begin_window(Instant::now())),
         });
         let ear = Ear::new(name, &source);
-        Ok(SlcanTap { path: path.to_owned(), source, options, state, ear })
+        let last_refusal = String::new();
+        Ok(SlcanTap {
+            path: path.to_owned(),
+            source,
+            options,
+            state,
+            ear,
+            is_search_told: false,
+            last_refusal,
+        })
     }
 
     fn error(&self, what: impl Into<String>) -> SourceError {
@@ -81,9 +101,12 @@ impl SlcanTap {
         (mut port, setting, mut search): (Port, Setting, Search),
         out: &mut Outbox,
     ) -> Result<State, SourceError> {
-        self.ear
-            .listen_for_rate(&mut port, &setting, &mut search)
-            .map_err(|error| because(&self.source, Problem::Port(error)))?;
+        if !std::mem::replace(&mut self.is_search_told, true) {
+            out.note(&format!("{}: {}", self.source, search::told()));
+        }
+        if let Err(error) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
+            return self.lose(None, error, out);
+        }
         match search.step(Instant::now()) {
             Step::Wait => Ok(State::Searching(port, setting, search)),
             Step::Next(rate) => {
@@ -116,33 +139,71 @@ impl SlcanTap {
         self.ear.announce(&setting, out);
         match self.ear.listen(&mut port, &setting, out) {
             Ok(()) => Ok(State::Listening(port, setting)),
-            Err(error) if !self.options.reconnect => {
-                Err(because(&self.source, Problem::Port(error)))
-            }
-            Err(_) => {
-                let start = self.ear.now();
-                out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
-                out.warning(self.error("the adapter is gone: waiting for it to come back"));
-                Ok(State::Gone { rate: setting.rate, next_look: Instant::now() + RETURN })
-            }
+            Err(error) => self.lose(Some(setting.rate), error, out),
         }
     }
 
+    /// The port failed while the adapter listened at this rate, or while the rate was looked for:
+    /// then there is no bus yet.
+    fn lose(
+        &mut self,
+        rate: Option<Rate>,
+        error: io::Error,
+        out: &mut Outbox,
+    ) -> Result<State, SourceError> {
+        if !self.options.reconnect {
+            return Err(because(&self.source, Problem::Port(error)));
+        }
+        if rate.is_some() {
+            let start = self.ear.now();
+            out.lost(BUS, Loss { start, count: None, cause: LossCause::Deaf });
+        }
+        out.warning(self.error("the adapter is gone: waiting for it to come back"));
+        Ok(State::Gone { rate, next_look: Instant::now() + RETURN })
+    }
+
     /// Looks whether it is back.
-    fn look(&mut self, rate: Rate, next_look: Instant, out: &mut Outbox) -> State {
+    fn look(&mut self, rate: Option<Rate>, next_look: Instant, out: &mut Outbox) -> State {
         thread::sleep(PATIENCE);
         if Instant::now() < next_look {
             return State::Gone { rate, next_look };
         }
-        if let Ok(port) = open_port(&self.path) {
-            let mut port = Adapter::new(port);
-            // One that does not listen may not be awake yet.
-            if let Ok(setting) = self.set(&mut port, rate) {
+        match self.find_again(rate) {
+            Ok(state) => {
+                self.last_refusal.clear();
                 out.note(&format!("{}: the adapter is back", self.source));
-                return State::Listening(port, setting);
+                state
+            }
+            Err(refusal) => {
+                self.tell_refusal(refusal, out);
+                State::Gone { rate, next_look: Instant::now() + RETURN }
             }
         }
-        State::Gone { rate, next_look: Instant::now() + RETURN }
+    }
+
+    fn find_again(&mut self, rate: Option<Rate>) -> Result<State, Option<String>> {
+        let port = open_port(&self.path).map_err(|error| {
+            // That it is not there was said.
+            let is_there = error.kind != serialport::ErrorKind::Io(io::ErrorKind::NotFound);
+            is_there.then(|| refusal(&self.source, &self.path, &error).what)
+        })?;
+        let mut port = Adapter::new(port);
+        let search = Search::begin(Instant::now());
+        let setting = match self.set(&mut port, rate.unwrap_or(search.rate())) {
+            Ok(setting) => setting,
+            Err(error) => return Err(error.cause.is_none().then_some(error.what)),
+        };
+        Ok(match rate {
+            Some(_) => State::Listening(port, setting),
+            None => State::Searching(port, setting, search.begin_window(Instant::now())),
+        })
+    }
+
+    /// Says why an adapter that is there is not listened to, once: it may not be awake yet.
+    fn tell_refusal(&mut self, refusal: Option<String>, out: &mut Outbox) {
+        let Some(refusal) = refusal.filter(|refusal| *refusal != self.last_refusal) else { return };
+        out.warning(self.error(format!("it is back, but {refusal}")));
+        self.last_refusal = refusal;
     }
 }
 
@@ -153,8 +214,13 @@ fn open_port(path: &str) -> serialport::Result<Box<dyn SerialPort>> {
 }
 
 /// Why a port cannot be opened, and what to do.
-fn refusal(source: &str, error: &serialport::Error) -> SourceError {
+fn refusal(source: &str, path: &str, error: &serialport::Error) -> SourceError {
     use serialport::ErrorKind::{Io, NoDevice};
+    let device = fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    if let (NoDevice, holders @ [_, ..]) = (error.kind, &*holders(&device)) {
+        let what = format!("{} has this port: close it there first", holders.join(", "));
+        return SourceError::new(source, Place::Whole, what);
+    }
     let what = match error.kind {
         Io(io::ErrorKind::NotFound) => "there is no such port: is the adapter plugged in?",
         Io(io::ErrorKind::PermissionDenied) => {
@@ -195,8 +261,17 @@ impl Reader for SlcanTap {
 
 impl Tap for SlcanTap {
     fn end(&mut self, out: &mut Outbox) {
-        if let Some(State::Listening(..)) = self.state {
-            self.ear.end(out);
+        match self.state.take() {
+            Some(State::Listening(..)) => self.ear.end(out),
+            Some(State::Searching(_, setting, search)) => {
+                self.ear.announce(&setting, out);
+                match search.cut_short() {
+                    Ok(frames) => frames.into_iter().for_each(|frame| out.frame(BUS, frame)),
+                    Err(why) => out.warning(self.error(why)),
+                }
+                self.ear.end(out);
+            }
+            _ => {}
         }
     }
 }

@@ -1,0 +1,143 @@
+//! Puts finished files on the shelf: each is on the disk before it bears its name, and the oldest of
+//! a ring goes.
+//!
+//! After a power cut a file system may have the name of a file and not its content. So a file is
+//! synced, then renamed, then its directory is synced. That takes as long as the disk takes, seconds
+//! on a memory card, and is done in a thread of its own: whoever writes goes on with the next file.
+//! Only where so many wait that the disk cannot be what it was bought for, the writer waits too, and
+//! what is heard meanwhile waits in the queue of the tap.
+
+use super::files::WriteError;
+use super::names::Names;
+use std::collections::VecDeque;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::{self, JoinHandle};
+
+/// Files that may wait for the disk.
+const WAITING: usize = 16;
+
+/// Where finished files go.
+pub struct Shelf {
+    /// How many stay; all where it is not given.
+    most: Option<u32>,
+    /// Those that are whole and were not deleted. The clerk has them while there is one.
+    kept: VecDeque<PathBuf>,
+    clerk: Option<Clerk>,
+}
+
+/// The thread that waits for the disk.
+struct Clerk {
+    orders: SyncSender<(File, Names)>,
+    failures: Receiver<WriteError>,
+    thread: JoinHandle<VecDeque<PathBuf>>,
+}
+
+impl Shelf {
+    /// One on which so many files stay.
+    pub fn new(most: Option<u32>) -> Self {
+        Shelf { most, kept: VecDeque::new(), clerk: None }
+    }
+
+    /// Puts a file there that is written, and has not its name yet.
+    pub fn put(&mut self, file: File, names: Names) {
+        let Shelf { most, kept, clerk } = self;
+        let clerk = clerk.get_or_insert_with(|| Clerk::begin(*most, std::mem::take(kept)));
+        // One that panicked has said so.
+        let _ = clerk.orders.send((file, names));
+    }
+
+    /// Whether all went well so far.
+    ///
+    /// # Errors
+    /// A file could not be synced or renamed, or the oldest not deleted.
+    pub fn check(&self) -> Result<(), WriteError> {
+        let failure = self.clerk.as_ref().and_then(|clerk| clerk.failures.try_recv().ok());
+        failure.map_or(Ok(()), Err)
+    }
+
+    /// Waits until every file that was put there bears its name.
+    ///
+    /// # Errors
+    /// One could not be synced or renamed, or the oldest not deleted.
+    pub fn settle(&mut self) -> Result<(), WriteError> {
+        let Some(Clerk { orders, failures, thread }) = self.clerk.take() else { return Ok(()) };
+        drop(orders);
+        self.kept = thread.join().unwrap_or_default();
+        failures.try_recv().map_or(Ok(()), Err)
+    }
+}
+
+impl Drop for Shelf {
+    fn drop(&mut self) {
+        // Whoever wants to know has asked.
+        let _ = self.settle();
+    }
+}
+
+impl Clerk {
+    fn begin(most: Option<u32>, mut kept: VecDeque<PathBuf>) -> Clerk {
+        let (orders, to_do) = sync_channel::<(File, Names)>(WAITING);
+        let (tell, failures): (Sender<WriteError>, _) = channel();
+        let thread = thread::spawn(move || {
+            for (file, names) in to_do {
+                let done = name(&file, &names).and_then(|()| {
+                    kept.push_back(names.whole);
+                    clear(&mut kept, most)
+                });
+                // Nobody asks any more where the recording is over.
+                let _ = done.map_err(|failure| tell.send(failure));
+            }
+            kept
+        });
+        Clerk { orders, failures, thread }
+    }
+}
+
+/// Gives a file its name once it is on the disk.
+fn name(file: &File, names: &Names) -> Result<(), WriteError> {
+    let named = sync(file).and_then(|()| fs::rename(&names.part, &names.whole));
+    named.map_err(|cause| WriteError { path: names.part.clone(), cause })?;
+    let directory = names.whole.parent().unwrap_or(Path::new("."));
+    sync_directory(directory).map_err(|cause| WriteError { path: directory.to_owned(), cause })
+}
+
+/// Deletes the oldest beyond so many.
+fn clear(kept: &mut VecDeque<PathBuf>, most: Option<u32>) -> Result<(), WriteError> {
+    while most.is_some_and(|most| kept.len() > most as usize) {
+        let Some(oldest) = kept.pop_front() else { break };
+        match fs::remove_file(&oldest) {
+            // The user was faster.
+            Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
+                return Err(WriteError { path: oldest, cause });
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Waits until a file is on the disk. Some file systems have no such promise to give.
+fn sync(file: &File) -> io::Result<()> {
+    match file.sync_all() {
+        Err(error) if is_never(&error) => Ok(()),
+        done => done,
+    }
+}
+
+fn is_never(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::InvalidInput)
+}
+
+#[cfg(unix)]
+fn sync_directory(directory: &Path) -> io::Result<()> {
+    File::open(directory).and_then(|directory| sync(&directory))
+}
+
+/// Elsewhere directories cannot be opened to be synced.
+#[cfg(not(unix))]
+fn sync_directory(_: &Path) -> io::Result<()> {
+    Ok(())
+}
