@@ -302,8 +302,9 @@ fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let names = tally.withheld.keys().map(|name| name.rsplit('.').next().unwrap_or(name));
     let parity = (unknown_parity(pipeline.buses()) > 0).then_some("parity");
     let load = is_load_open(pipeline.buses()).then_some("load");
+    let times = pipeline.buses().iter().any(has_doubtful_times).then_some("the times");
     let whole = cut.map(Cut::open).into_iter().chain(unread);
-    let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).collect();
+    let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).chain(times).collect();
     match names.as_slice() {
         [] => "everything was judged".to_owned(),
         names => format!("all judged but {}", names.join(", ")),
@@ -351,8 +352,11 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
     open.extend(without_rate(buses));
+    if buses.iter().any(has_doubtful_times) {
+        open.push("the times make no sense (is --time-unit right?)".to_owned());
+    }
     // The window follows bit 3: to say that one is open says it of the other.
-    let is_told = ["window", "bitrate"];
+    let is_told = ["window", "bitrate", "time unit"];
     let undecided =
         |learned: &Learned| learned.value.is_none() && !is_told.contains(&learned.subject);
     for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
@@ -416,10 +420,17 @@ impl fmt::Display for Learned {
     }
 }
 
+/// Whether the unit of its times may be another.
+fn has_doubtful_times(bus: &Bus) -> bool {
+    bus.conclusions().iter().any(|it| it.subject == "time unit" && it.value.is_none())
+}
+
 fn why_withheld(tally: &Tally, buses: &[Bus]) -> String {
     let of_words = |bus: &Bus| bus.protocol().is_some_and(|it| it.medium == Medium::Words);
     if buses.iter().all(|bus| bus.info().clock.is_none()) {
         "the source has no times".to_owned()
+    } else if buses.iter().all(of_words) && buses.iter().any(has_doubtful_times) {
+        "rows may be missing, or the times are wrong: --every-cycle, --time-unit".to_owned()
     } else if buses.iter().all(of_words) {
         "rows may be missing between those of the log: --every-cycle".to_owned()
     } else if buses.iter().any(|bus| bus.wire().baud().is_none()) {

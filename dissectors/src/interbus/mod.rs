@@ -25,6 +25,7 @@ mod judge;
 mod layer;
 pub mod line;
 pub mod message;
+mod pace;
 mod profile;
 mod report;
 pub mod row;

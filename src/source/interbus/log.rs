@@ -55,7 +55,7 @@ impl Log {
     }
 
     fn announce(&mut self, out: &mut Outbox) {
-        announce(self.first.columns.time.is_some(), out);
+        announce(self.first.columns.time.is_some(), self.first.base(), out);
         for file in [&self.first].into_iter().chain(self.join.as_ref().map(Join::second)) {
             if file.looks_decimal {
                 let what = "no word in the first lines has a digit above 9: they are read as hex; \
