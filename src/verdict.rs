@@ -94,7 +94,7 @@ pub fn line_of_counts(counts: LineCounts, wire: Wire, is_can: bool) -> String {
 }
 
 fn line_of_words(bus: &Bus) -> String {
-    let LineCounts { rows, cycles, bad_cycles, losses, .. } = bus.counts();
+    let LineCounts { rows, cycles, bad_cycles, losses, strange_edges, .. } = bus.counts();
     let losses = if losses > 0 { format!(", losses: {losses}") } else { String::new() };
     if cycles > 0 {
         let state = if bad_cycles * 100 > cycles { "bad" } else { "ok" };
@@ -102,6 +102,10 @@ fn line_of_words(bus: &Bus) -> String {
         let share = bad_cycles as f64 * 100.0 / cycles as f64;
         let cycles = counted(cycles, "cycle");
         return format!("{state}: {rate}, {cycles}, {bad_cycles} damaged ({share:.2} %){losses}");
+    }
+    if rows == 0 && strange_edges > 0 {
+        let edges = counted(strange_edges, "level change");
+        return format!("not this protocol's: {edges}, and no telegram fits them");
     }
     if rows == 0 {
         return "silent: no rows and no cycles".to_owned();
@@ -234,6 +238,12 @@ fn who_of(stations: &[&StationTally]) -> String {
 /// What a bus without a finding is told.
 fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let (shown, all) = (tally.records, pipeline.records());
+    let buses = pipeline.buses();
+    if all == 0 && buses.iter().any(|bus| bus.counts().strange_edges > 0) {
+        return "not judged: what was heard is another protocol's, or cannot be read -> leave out \
+                --protocol, or look at rate and levels"
+            .to_owned();
+    }
     if all == 0 {
         return "nothing was heard".to_owned();
     }

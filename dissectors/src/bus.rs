@@ -70,6 +70,8 @@ pub struct LineCounts {
     pub breaks: u64,
     /// Losses and overruns.
     pub losses: u64,
+    /// Level changes that are nothing of what the line was said to carry.
+    pub strange_edges: u64,
 }
 
 impl Sampling {
@@ -118,7 +120,8 @@ impl Bus {
     /// What was on the wire so far.
     #[must_use]
     pub fn counts(&self) -> LineCounts {
-        LineCounts { glitches: self.line.glitches(), ..self.decoder.counts() }
+        let (glitches, strange_edges) = (self.line.glitches(), self.line.strange());
+        LineCounts { glitches, strange_edges, ..self.decoder.counts() }
     }
 
     /// The protocol that is spoken, once it is known.
