@@ -250,6 +250,10 @@ fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     if shown == 0 {
         return format!("none of {} was selected", counted(all, "record"));
     }
+    if buses.iter().any(|bus| bus.info().is_radix_guessed) {
+        return "not judged: the words may be hex or decimal -> say --words hex or --words decimal"
+            .to_owned();
+    }
     let infos = tally.count(Severity::Info);
     let infos = if infos > 0 { format!(", {}", counted(infos, "note")) } else { String::new() };
     let of = if shown < all { format!(" selected of {all}") } else { String::new() };
@@ -362,6 +366,9 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
     open.extend(without_rate(buses));
+    if buses.iter().any(|bus| bus.info().is_radix_guessed) {
+        open.push("words hex or decimal undecided (--words)".to_owned());
+    }
     if buses.iter().any(has_doubtful_times) {
         open.push("the times make no sense (is --time-unit right?)".to_owned());
     }

@@ -296,13 +296,21 @@ pub struct BusInfo {
     pub parity: ParityMarks,
     /// Its times are bare numbers, in a unit that the source does not tell.
     pub is_unit_guessed: bool,
+    /// Its words may be hex or decimal: nothing tells which.
+    pub is_radix_guessed: bool,
 }
 
 impl BusInfo {
     /// A bus whose tap tells the parity of every character.
     #[must_use]
     pub fn new(name: impl Into<String>, clock: Option<Clock>) -> Self {
-        BusInfo { name: name.into(), clock, parity: ParityMarks::Character, is_unit_guessed: false }
+        BusInfo {
+            name: name.into(),
+            clock,
+            parity: ParityMarks::Character,
+            is_unit_guessed: false,
+            is_radix_guessed: false,
+        }
     }
 
     /// The same with times that are bare numbers.

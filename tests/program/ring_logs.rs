@@ -122,6 +122,45 @@ fn a_slow_log_still_tells_a_device_that_never_answers() {
     assert!(run.stderr.contains("1 x no-acknowledge"), "{}", run.stderr);
 }
 
+/// A log in decimal, with the words of a healthy ring: as numbers with and without a sign.
+#[test]
+fn decimal_words_are_read_as_such_where_hex_makes_no_sense() {
+    let scratch = Scratch::new();
+    let hex = here("captures/good-interbus/every-cycle.csv");
+    let expected = fieldtap(["read", "--format", "json", argument(&hex)]).good().records();
+    let words = std::fs::read_to_string(&hex).expect("a log");
+    let written = |say: &dyn Fn(u32) -> String| {
+        let lines = words.lines().skip(1).map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let word = |at: usize| say(u32::from_str_radix(cells[at], 16).expect("hex"));
+            format!("{},{},{}\n", cells[0], word(1), word(2))
+        });
+        scratch.file("decimal.csv", format!("time,out,in\n{}", lines.collect::<String>()))
+    };
+    let unsigned = |word: u32| word.to_string();
+    let signed = |word: u32| word.cast_signed().to_string();
+    for say in [&unsigned as &dyn Fn(u32) -> String, &signed] {
+        let run = fieldtap(["read", "--format", "json", argument(&written(say))]).good();
+        assert!(run.stderr.contains("its words are read as decimal"), "{}", run.stderr);
+        assert_eq!(run.records(), expected);
+    }
+}
+
+/// Positions alone, of digits up to 9: 100 may be 100 or 256.
+#[test]
+fn words_that_may_be_hex_or_decimal_are_not_called_healthy() {
+    let scratch = Scratch::new();
+    let lines = (0..50).map(|n| format!("0.{n:02},0,{}\n", 100 + n % 10));
+    let log = scratch.file("open.csv", format!("time,out,in\n{}", lines.collect::<String>()));
+    let run = fieldtap(["read", argument(&log)]).good();
+    assert!(run.stderr.contains("WRONG  not judged: the words may be hex or decimal"));
+    assert!(!run.stderr.contains("nothing found"), "{}", run.stderr);
+    for radix in ["hex", "decimal"] {
+        let run = fieldtap(["read", argument(&log), "--words", radix]).good();
+        assert!(run.stderr.contains("WRONG  nothing found in 50 records"), "{}", run.stderr);
+    }
+}
+
 #[test]
 fn a_log_that_is_written_is_read_back_as_it_was() {
     let scratch = Scratch::new();

@@ -41,6 +41,7 @@ pub use line::Cycle;
 pub use profile::Profile;
 pub use report::{Master, Report};
 pub use row::{Content, Device, Row};
+pub use service::can_be;
 pub use settings::{LIMITS, ReadEcho, Settings};
 
 use crate::protocol::{Medium, Protocol, Speaks};

@@ -81,7 +81,7 @@ impl Reader for Registers {
     fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
         let Registers { table, columns, words, stamps, rows, is_announced } = self;
         if !std::mem::replace(is_announced, true) {
-            announce(columns.time.is_some(), None, out);
+            announce(columns.time.is_some(), None, false, out);
         }
         while !out.is_full() {
             let has_more = table.read(out, |cells| columns.take(cells, words, stamps, rows))?;

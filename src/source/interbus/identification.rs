@@ -90,7 +90,7 @@ impl Reader for List {
     fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
         let List { table, columns, reading, stamps, devices, is_announced } = self;
         if !std::mem::replace(is_announced, true) {
-            announce(columns.time.is_some(), None, out);
+            announce(columns.time.is_some(), None, false, out);
         }
         while !out.is_full() {
             let mut row = None;

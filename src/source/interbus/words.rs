@@ -21,6 +21,11 @@ impl Words {
         }
     }
 
+    /// The same words in another radix.
+    pub fn in_radix(self, radix: Radix) -> Self {
+        Words { radix, ..self }
+    }
+
     /// A word of 32 bits in one cell.
     pub fn long(&self, cell: &[u8]) -> Option<u32> {
         let word = number(cell, self.radix, 32)?;
@@ -41,6 +46,11 @@ impl Words {
     /// A byte.
     pub fn byte(&self, cell: &[u8]) -> Option<u8> {
         Some(number(cell, self.radix, 8)? as u8)
+    }
+
+    /// Whether a cell is a word in either radix.
+    pub fn is_word(&self, cell: &[u8]) -> bool {
+        [Radix::Hex, Radix::Decimal].iter().any(|radix| number(cell, *radix, 32).is_some())
     }
 
     /// What is wrong with a cell that is no word.
