@@ -8,7 +8,7 @@ use super::super::{Input, SourceError, SourceOptions};
 use super::columns::Columns;
 use super::join::Join;
 use super::layout::{Layout, Mapping, Radix};
-use super::stamps::{Base, Stamps};
+use super::stamps::{Base, Stamps, wrong};
 use super::table::{Cells, Header, Table};
 use super::words::{Words, is_surely_hex};
 use super::{BUS, announce};
@@ -251,8 +251,8 @@ fn take(
         Some(column) => cells.get(column).ok_or("columns are missing"),
         None => Ok(&b""[..]),
     };
-    let time = stamps.read(cell(columns.date)?, cell(columns.time)?);
-    let (start, uncertainty) = time.ok_or("the time is neither a number nor a date")?;
+    let (date, time) = (cell(columns.date)?, cell(columns.time)?);
+    let (start, uncertainty) = stamps.read(date, time).ok_or_else(|| wrong(date, time))?;
     let named = match cell(columns.device)? {
         b"" => None,
         cell => Some(device(cell).ok_or("there is no such device: 1 to 512")?),
