@@ -195,7 +195,11 @@ fn who(tally: &Tally, several: bool) -> String {
         buses.entry(&station.bus).or_default().push(station);
     }
     if buses.is_empty() {
-        return "no stations".to_owned();
+        let heard: Vec<String> = tally.heard().map(|station| station.to_string()).collect();
+        return match heard.is_empty() {
+            true => "no stations".to_owned(),
+            false => format!("heard {}", heard.join(" ")),
+        };
     }
     let texts = buses.into_iter().map(|(bus, mut stations)| {
         stations.sort_by_key(|station| station.station);
