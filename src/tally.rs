@@ -57,7 +57,7 @@ pub struct StationTally {
     /// When it was asked or answered.
     pub period: Period,
     /// Its response times in ns.
-    pub response_times: Histogram<u64>,
+    pub response_times: Histogram<u32>,
     /// Where it was.
     pub positions: Option<Positions>,
     /// What it was asked for, by name, in the order that was first done.
@@ -306,7 +306,9 @@ fn sender(record: &Record<'_>) -> Option<u16> {
     }
 }
 
-fn histogram() -> Histogram<u64> {
+/// It grows with the longest time, not with their number: of 512 devices with times up to 40 ms all
+/// take 40 MB, half of what counts of 64 bits take.
+fn histogram() -> Histogram<u32> {
     // Three digits are among those it allows; the fallback is never needed.
     Histogram::new(DIGITS).unwrap_or_else(|_| unreachable!("three digits are allowed"))
 }
