@@ -51,7 +51,12 @@ impl Verdict {
     pub fn of(tally: &Tally, pipeline: &Pipeline, clock: &Clock, cut: Option<Cut>) -> Verdict {
         let buses = pipeline.buses();
         let several = buses.len() > 1;
-        let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline, cut));
+        let wrong = match wrong(tally, several, clock) {
+            None => nothing(tally, pipeline, cut),
+            // Decimal positions that are read as hex jump from 999 to 1000.
+            Some(wrong) if is_radix_open(buses) => format!("only if words are hex: {wrong}"),
+            Some(wrong) => wrong,
+        };
         Verdict {
             line: clean(&line(buses, several)),
             who: clean(&who(tally, several)),
@@ -254,7 +259,7 @@ fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     if shown == 0 {
         return format!("none of {} was selected", counted(all, "record"));
     }
-    if buses.iter().any(|bus| bus.info().is_radix_guessed) {
+    if is_radix_open(buses) {
         return "not judged: the words may be hex or decimal -> say --words hex or --words decimal"
             .to_owned();
     }
@@ -370,7 +375,7 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
     open.extend(without_rate(buses));
-    if buses.iter().any(|bus| bus.info().is_radix_guessed) {
+    if is_radix_open(buses) {
         open.push("words hex or decimal undecided (--words)".to_owned());
     }
     if buses.iter().any(has_doubtful_times) {
@@ -439,6 +444,11 @@ impl fmt::Display for Learned {
         }
         Ok(())
     }
+}
+
+/// Whether nothing tells if words are hex or decimal.
+fn is_radix_open(buses: &[Bus]) -> bool {
+    buses.iter().any(|bus| bus.info().is_radix_guessed)
 }
 
 /// Whether the unit of its times may be another.

@@ -150,6 +150,11 @@ fn decimal_words_are_read_as_such_where_hex_makes_no_sense() {
 #[test]
 fn words_that_may_be_hex_or_decimal_are_not_called_healthy() {
     let scratch = Scratch::new();
+    // 999 and 1000 are one apart, 999h and 1000h 1639: that is a jump only if they are hex.
+    let lines = (0..60).map(|n| format!("0.{n:02},0,{}\n", 970 + n));
+    let log = scratch.file("jumps.csv", format!("time,out,in\n{}", lines.collect::<String>()));
+    let run = fieldtap(["read", argument(&log), "--every-cycle"]).good();
+    assert!(run.stderr.contains("WRONG  only if words are hex: "), "{}", run.stderr);
     let lines = (0..50).map(|n| format!("0.{n:02},0,{}\n", 100 + n % 10));
     let log = scratch.file("open.csv", format!("time,out,in\n{}", lines.collect::<String>()));
     let run = fieldtap(["read", argument(&log)]).good();
