@@ -192,7 +192,8 @@ pub fn decode(
     let Desk { tally, clock, output, is_live, .. } = desk;
     let is_all = decoding.from.is_none() && decoding.to.is_none() && decoding.count.is_none();
     let has_all = is_all && error.is_none() && !is_cut && tally.records > 0;
-    let unused = if has_all { unused(&tally, &pipeline) } else { Vec::new() };
+    let mut unused = if has_all { unused(&tally, &pipeline) } else { Vec::new() };
+    unused.extend(apart(&pipeline));
     let (fail_on, is_quiet) = (decoding.fail_on, decoding.quiet);
     Outcome {
         tally,
@@ -306,6 +307,35 @@ fn unused(tally: &Tally, pipeline: &Pipeline) -> Vec<String> {
         Some(format!("--protocol {}: {name} carries {carries}, which are none of it", given.name))
     });
     missing.chain(other).collect()
+}
+
+/// Wires of one bus that were read each as a bus: how they are read together.
+fn apart(pipeline: &Pipeline) -> Option<String> {
+    let is_wire = |bus: &&Bus| bus.counts().cycles > 0 && !bus.settings().is_empty();
+    let buses: Vec<&Bus> = pipeline.buses().iter().filter(is_wire).collect();
+    let protocol = buses.first()?.protocol()?;
+    let is_apart = pipeline.settings().protocol.is_none() && protocol.wires.len() > 1;
+    if !is_apart || buses.len() < 2 {
+        return None;
+    }
+    let names: Vec<&str> = buses.iter().map(|bus| bus.info().name.as_str()).collect();
+    let command = std::env::args().skip(1).map(|part| quoted(&part)).collect::<Vec<_>>().join(" ");
+    Some(format!(
+        "{} carry {} each, and were read apart; as the wires of one ring: fieldtap {command} \
+         --protocol {}",
+        names.join(" and "),
+        protocol.name.to_uppercase(),
+        protocol.name
+    ))
+}
+
+/// An argument as a shell takes it.
+fn quoted(argument: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,@%+".contains(c);
+    match argument.chars().all(is_plain) && !argument.is_empty() {
+        true => argument.to_owned(),
+        false => format!("'{}'", argument.replace('\'', "'\\''")),
+    }
 }
 
 /// What was heard on a bus.

@@ -10,6 +10,7 @@
 pub mod cli;
 pub mod clock;
 pub mod commands;
+mod config;
 pub mod decode;
 pub mod export;
 pub mod extcap;

@@ -8,6 +8,7 @@
 //! direction = "ccw"
 //! ```
 
+use crate::config;
 use anyhow::{Context, bail};
 use dissectors::station::{Direction, MAX_POSITION_BITS, Resolution, Station, Stations};
 use serde::Deserialize;
@@ -63,7 +64,7 @@ pub fn read(path: &Path) -> anyhow::Result<Stations> {
     if read as u64 == LONGEST_FILE {
         bail!("{file}: this is larger than any file of stations");
     }
-    let parsed: File = toml::from_str(&text).with_context(|| format!("{file}: not understood"))?;
+    let parsed: File = config::parse(&text).with_context(|| format!("{file}: not understood"))?;
     let mut stations = Stations::new();
     for (number, entry) in parsed.station {
         let station = number.parse::<u16>().ok().filter(|number| *number <= LAST_STATION);
@@ -129,7 +130,7 @@ mod tests {
             ("[station.x]\n", "a station is a number"),
             ("[station.1]\nsingleturn_bits = 20\nmultiturn_bits = 10\n", "at most 29 in all"),
             ("[station.1]\nmultiturn_bits = 12\n", "without singleturn_bits"),
-            ("[station.1]\nbits = 12\n", "unknown field `bits`"),
+            ("[station.1]\nbits = 12\n", "unknown field \"bits\""),
             ("[station.1\n", "not understood"),
         ] {
             let error = format!("{:#}", parse(text).unwrap_err());

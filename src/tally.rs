@@ -57,7 +57,7 @@ pub struct StationTally {
     /// When it was asked or answered.
     pub period: Period,
     /// Its response times in ns.
-    pub response_times: Histogram<u64>,
+    pub response_times: Histogram<u32>,
     /// Where it was.
     pub positions: Option<Positions>,
     /// What it was asked for, by name, in the order that was first done.
@@ -218,6 +218,11 @@ impl Tally {
         bits.is_none_or(|bits| bits & (1 << (station % 64)) != 0)
     }
 
+    /// The numbers of these stations, lowest first.
+    pub fn heard(&self) -> impl Iterator<Item = u16> {
+        (0..64 * self.heard.len() as u16).filter(|station| self.has_heard(*station))
+    }
+
     fn station(&mut self, bus: &str, station: u16) -> usize {
         let Tally { stations, places, .. } = self;
         let bus_index = places.iter().position(|places| places.bus == bus).unwrap_or_else(|| {
@@ -300,17 +305,30 @@ impl Sink for Tally {
         self.records += 1;
         self.period.get_or_insert(Period::NEVER).add(record.start);
         self.uncertainty = self.uncertainty.max(record.uncertainty);
+        let station = record.station.or_else(|| sender(record));
+        let place =
+            station.and_then(|it| Some((it % 64, self.heard.get_mut(usize::from(it / 64))?)));
+        if let Some((bit, bits)) = place {
+            *bits |= 1 << bit;
+        }
         if let Some(station) = record.station {
-            if let Some(bits) = self.heard.get_mut(usize::from(station / 64)) {
-                *bits |= 1 << (station % 64);
-            }
             self.add_station(record, station);
         }
         self.add_findings(record);
     }
 }
 
-fn histogram() -> Histogram<u64> {
+/// Who sent what is of no station: a node that looks whether its number is free.
+fn sender(record: &Record<'_>) -> Option<u16> {
+    match record.by_role(Role::Source) {
+        Value::Int(source) => u16::try_from(source).ok(),
+        _ => None,
+    }
+}
+
+/// It grows with the longest time, not with their number: of 512 devices with times up to 40 ms all
+/// take 40 MB, half of what counts of 64 bits take.
+fn histogram() -> Histogram<u32> {
     // Three digits are among those it allows; the fallback is never needed.
     Histogram::new(DIGITS).unwrap_or_else(|_| unreachable!("three digits are allowed"))
 }

@@ -1,7 +1,7 @@
 //! What goes to a terminal. Names and comments come from outside, and must not steer it.
 
 use std::fmt;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 
 /// Adds text from outside: what would steer a terminal, a line's end included, becomes a dot.
 pub fn push_clean(text: &mut String, from: &str) {
@@ -49,6 +49,40 @@ pub fn clean(from: &str) -> String {
     text
 }
 
+/// Fewest columns that lines are cut to: a terminal that says less has not been asked well.
+const NARROWEST: usize = 40;
+
+/// Columns of the terminal that standard output goes to; `None` where it goes elsewhere, and nothing
+/// may be left out. COLUMNS says it where it is set.
+pub fn width() -> Option<usize> {
+    let out = io::stdout();
+    let is_terminal = out.is_terminal();
+    let said = std::env::var("COLUMNS").ok();
+    width_of(is_terminal, said.as_deref(), || window(&out))
+}
+
+fn width_of(
+    is_terminal: bool,
+    said: Option<&str>,
+    window: impl FnOnce() -> Option<usize>,
+) -> Option<usize> {
+    let said = || said?.trim().parse().ok();
+    let known = |columns: &usize| *columns > 0;
+    let columns = said().filter(known).or_else(|| window().filter(known));
+    columns.filter(|_| is_terminal).map(|columns| columns.max(NARROWEST))
+}
+
+#[cfg(unix)]
+fn window(out: &io::Stdout) -> Option<usize> {
+    let size = rustix::termios::tcgetwinsize(out).ok()?;
+    Some(usize::from(size.ws_col))
+}
+
+#[cfg(not(unix))]
+fn window(_: &io::Stdout) -> Option<usize> {
+    None
+}
+
 /// Says a line on standard error. Where nobody reads it, that is no error.
 pub fn say_line(words: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{}", clean(&words.to_string()));
@@ -63,6 +97,16 @@ macro_rules! say {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_are_cut_for_a_terminal_alone() {
+        assert_eq!(width_of(false, Some("80"), || Some(80)), None);
+        assert_eq!(width_of(true, None, || Some(173)), Some(173));
+        assert_eq!(width_of(true, Some("120"), || Some(173)), Some(120));
+        assert_eq!(width_of(true, Some("wide"), || Some(173)), Some(173));
+        assert_eq!(width_of(true, Some("0"), || Some(0)), None);
+        assert_eq!(width_of(true, None, || Some(3)), Some(NARROWEST));
+    }
 
     /// C0, DEL, C1, and every mark of direction that UAX #9 names.
     #[test]

@@ -51,7 +51,12 @@ impl Verdict {
     pub fn of(tally: &Tally, pipeline: &Pipeline, clock: &Clock, cut: Option<Cut>) -> Verdict {
         let buses = pipeline.buses();
         let several = buses.len() > 1;
-        let wrong = wrong(tally, several, clock).unwrap_or_else(|| nothing(tally, pipeline, cut));
+        let wrong = match wrong(tally, several, clock) {
+            None => nothing(tally, pipeline, cut),
+            // Decimal positions that are read as hex jump from 999 to 1000.
+            Some(wrong) if is_radix_open(buses) => format!("only if words are hex: {wrong}"),
+            Some(wrong) => wrong,
+        };
         Verdict {
             line: clean(&line(buses, several, cut)),
             who: clean(&who(tally, several)),
@@ -96,7 +101,7 @@ pub fn line_of_counts(counts: LineCounts, wire: Wire, is_can: bool) -> String {
 }
 
 fn line_of_words(bus: &Bus) -> String {
-    let LineCounts { rows, cycles, bad_cycles, losses, .. } = bus.counts();
+    let LineCounts { rows, cycles, bad_cycles, losses, strange_edges, .. } = bus.counts();
     let losses = if losses > 0 { format!(", losses: {losses}") } else { String::new() };
     if cycles > 0 {
         let state = if bad_cycles * 100 > cycles { "bad" } else { "ok" };
@@ -104,6 +109,10 @@ fn line_of_words(bus: &Bus) -> String {
         let share = bad_cycles as f64 * 100.0 / cycles as f64;
         let cycles = counted(cycles, "cycle");
         return format!("{state}: {rate}, {cycles}, {bad_cycles} damaged ({share:.2} %){losses}");
+    }
+    if rows == 0 && strange_edges > 0 {
+        let edges = counted(strange_edges, "level change");
+        return format!("not this protocol's: {edges}, and no telegram fits them");
     }
     if rows == 0 {
         return "silent: no rows and no cycles".to_owned();
@@ -193,7 +202,11 @@ fn who(tally: &Tally, several: bool) -> String {
         buses.entry(&station.bus).or_default().push(station);
     }
     if buses.is_empty() {
-        return "no stations".to_owned();
+        let heard: Vec<String> = tally.heard().map(|station| station.to_string()).collect();
+        return match heard.is_empty() {
+            true => "no stations".to_owned(),
+            false => format!("heard {}", heard.join(" ")),
+        };
     }
     let texts = buses.into_iter().map(|(bus, mut stations)| {
         stations.sort_by_key(|station| station.station);
@@ -236,11 +249,21 @@ fn who_of(stations: &[&StationTally]) -> String {
 /// What a bus without a finding is told.
 fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let (shown, all) = (tally.records, pipeline.records());
+    let buses = pipeline.buses();
+    if all == 0 && buses.iter().any(|bus| bus.counts().strange_edges > 0) {
+        return "not judged: what was heard is another protocol's, or cannot be read -> leave out \
+                --protocol, or look at rate and levels"
+            .to_owned();
+    }
     if all == 0 {
         return unheard(pipeline.buses(), cut).to_owned();
     }
     if shown == 0 {
         return format!("none of {} was selected", counted(all, "record"));
+    }
+    if is_radix_open(buses) {
+        return "not judged: the words may be hex or decimal -> say --words hex or --words decimal"
+            .to_owned();
     }
     let infos = tally.count(Severity::Info);
     let infos = if infos > 0 { format!(", {}", counted(infos, "note")) } else { String::new() };
@@ -321,8 +344,9 @@ fn judged(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let [unknown, suspect] = open_parity(pipeline.buses());
     let parity = (unknown + suspect > 0).then_some("parity");
     let load = is_load_open(pipeline.buses()).then_some("load");
+    let times = pipeline.buses().iter().any(has_doubtful_times).then_some("the times");
     let whole = cut.map(Cut::open).into_iter().chain(unread);
-    let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).collect();
+    let names: Vec<&str> = whole.chain(names).chain(parity).chain(load).chain(times).collect();
     match names.as_slice() {
         [] => "everything was judged".to_owned(),
         names => format!("all judged but {}", names.join(", ")),
@@ -384,8 +408,14 @@ fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         open.push(format!("parity of {unknown} characters not judged (the source has none)"));
     }
     open.extend(without_rate(buses));
+    if is_radix_open(buses) {
+        open.push("words hex or decimal undecided (--words)".to_owned());
+    }
+    if buses.iter().any(has_doubtful_times) {
+        open.push("the times make no sense (is --time-unit right?)".to_owned());
+    }
     // The window follows bit 3: to say that one is open says it of the other.
-    let is_told = ["window", "bitrate"];
+    let is_told = ["window", "bitrate", "time unit"];
     let undecided =
         |learned: &Learned| learned.value.is_none() && !is_told.contains(&learned.subject);
     for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
@@ -449,10 +479,22 @@ impl fmt::Display for Learned {
     }
 }
 
+/// Whether nothing tells if words are hex or decimal.
+fn is_radix_open(buses: &[Bus]) -> bool {
+    buses.iter().any(|bus| bus.info().is_radix_guessed)
+}
+
+/// Whether the unit of its times may be another.
+fn has_doubtful_times(bus: &Bus) -> bool {
+    bus.conclusions().iter().any(|it| it.subject == "time unit" && it.value.is_none())
+}
+
 fn why_withheld(tally: &Tally, buses: &[Bus]) -> String {
     let of_words = |bus: &Bus| bus.protocol().is_some_and(|it| it.medium == Medium::Words);
     if buses.iter().all(|bus| bus.info().clock.is_none()) {
         "the source has no times".to_owned()
+    } else if buses.iter().all(of_words) && buses.iter().any(has_doubtful_times) {
+        "rows may be missing, or the times are wrong: --every-cycle, --time-unit".to_owned()
     } else if buses.iter().all(of_words) {
         "rows may be missing between those of the log: --every-cycle".to_owned()
     } else if buses.iter().any(|bus| bus.wire().baud().is_none()) {

@@ -74,6 +74,8 @@ pub struct LineCounts {
     pub losses: u64,
     /// Those of them in which nobody listened.
     pub deaf: u64,
+    /// Level changes that are nothing of what the line was said to carry.
+    pub strange_edges: u64,
 }
 
 impl Sampling {
@@ -122,7 +124,8 @@ impl Bus {
     /// What was on the wire so far.
     #[must_use]
     pub fn counts(&self) -> LineCounts {
-        LineCounts { glitches: self.line.glitches(), ..self.decoder.counts() }
+        let (glitches, strange_edges) = (self.line.glitches(), self.line.strange());
+        LineCounts { glitches, strange_edges, ..self.decoder.counts() }
     }
 
     /// The protocol that is spoken, once it is known.

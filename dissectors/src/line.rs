@@ -95,6 +95,14 @@ impl Line {
         }
     }
 
+    /// Level changes that nothing could be made of: the line carries something else.
+    pub fn strange(&self) -> u64 {
+        match self {
+            Line::Words(line) => line.strange(),
+            Line::None | Line::Open { .. } | Line::Serial(_) | Line::Can(_) => 0,
+        }
+    }
+
     /// What was found out, with the evidence.
     pub fn conclusions(&self) -> Vec<Conclusion> {
         match self {

@@ -302,13 +302,30 @@ pub struct BusInfo {
     pub clock: Option<Clock>,
     /// What its tap tells about parity.
     pub parity: ParityMarks,
+    /// Its times are bare numbers, in a unit that the source does not tell.
+    pub is_unit_guessed: bool,
+    /// Its words may be hex or decimal: nothing tells which.
+    pub is_radix_guessed: bool,
 }
 
 impl BusInfo {
     /// A bus whose tap tells the parity of every character.
     #[must_use]
     pub fn new(name: impl Into<String>, clock: Option<Clock>) -> Self {
-        BusInfo { name: name.into(), clock, parity: ParityMarks::Character }
+        BusInfo {
+            name: name.into(),
+            clock,
+            parity: ParityMarks::Character,
+            is_unit_guessed: false,
+            is_radix_guessed: false,
+        }
+    }
+
+    /// The same with times that are bare numbers.
+    #[must_use]
+    pub fn with_guessed_unit(mut self, is_guessed: bool) -> Self {
+        self.is_unit_guessed = is_guessed;
+        self
     }
 
     /// The same with a tap that tells this about parity.

@@ -32,7 +32,8 @@ pub struct Interbus {
     #[arg(long, value_name = "DEVICE=OUT/IN,...", value_parser = RingMap::parse)]
     pub ring_map: Option<RingMap>,
 
-    /// How words are written. Default: hex, ident and length codes decimal.
+    /// How words are written. Default: hex, or decimal where hex makes no sense; ident and length
+    /// codes decimal.
     #[arg(long, value_name = "RADIX")]
     pub words: Option<Radix>,
 

@@ -9,7 +9,7 @@ pub use live::Live;
 use crate::clock::At;
 use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use dissectors::device::Profile as DeviceProfile;
 use dissectors::limit::{Limit, limits};
 use dissectors::protocol::{PROTOCOLS, Protocol};
@@ -240,6 +240,24 @@ fn named<T: Copy + Send + Sync + 'static>(
         let found = names.iter().find(|(known, _)| *known == name);
         found.unwrap_or(&names[0]).1
     })
+}
+
+/// Reads the command line; what is wrong with it is told, and ends the program.
+pub fn parse() -> Cli {
+    let matches = with_negative_numbers(Cli::command()).get_matches();
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// Lets -5 be the value of an option, be it to hear what range there is: no option is a digit.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let option = |argument: clap::Arg| match argument.is_positional() {
+        true => argument,
+        false => {
+            let takes_values = argument.get_action().takes_values();
+            argument.allow_negative_numbers(takes_values)
+        }
+    };
+    command.mut_args(option).mut_subcommands(with_negative_numbers)
 }
 
 fn protocol_or_auto() -> impl clap::builder::TypedValueParser<Value = Auto<&'static Protocol>> {

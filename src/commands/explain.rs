@@ -13,7 +13,8 @@ const WIDTH: usize = 96;
 /// Which finding.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// A finding's code, such as slin.checksum. Without one, all are listed.
+    /// A finding's code, such as slin.checksum, or what is behind its point. Without one, all are
+    /// listed.
     code: Option<String>,
 }
 
@@ -27,11 +28,27 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     };
     match codes().find(|code| code.name == name) {
         Some(code) => super::print(&explanation(code)),
-        None => {
-            say!("fieldtap: there is no finding {name}: `fieldtap explain` lists them");
-            ExitCode::from(USAGE)
-        }
+        None => explain_short(name),
     }
+}
+
+/// A code without its protocol, as the last lines say it.
+fn explain_short(name: &str) -> ExitCode {
+    let has = |code: &&Code| code.name.rsplit('.').next() == Some(name);
+    let mut found: Vec<&Code> = codes().filter(has).collect();
+    if let [code] = found[..] {
+        return super::print(&explanation(code));
+    }
+    if found.is_empty() && !name.is_empty() {
+        found = codes().filter(|code| code.name.contains(name)).collect();
+    }
+    if found.is_empty() {
+        say!("fieldtap: there is no finding {name}: `fieldtap explain` lists them");
+    } else {
+        let names: Vec<&str> = found.iter().map(|code| code.name).collect();
+        say!("fieldtap: {name} is not all of a finding's name: {}", names.join(", "));
+    }
+    ExitCode::from(USAGE)
 }
 
 fn explanation(code: &Code) -> String {

@@ -4,7 +4,7 @@ use crate::cli::Decoding;
 use crate::clock::Clock;
 use crate::decode::{USAGE, decode, settings};
 use crate::export::{Changes, Columns, Csv, Export, Json, Text};
-use crate::say;
+use crate::{say, terminal};
 use clap::{Args, ValueEnum};
 use std::io::{self, BufWriter};
 use std::process::ExitCode;
@@ -61,7 +61,8 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     let mut export: Box<dyn Export> = match arguments.format {
         Form::Text => {
             let has_colour = has_colour(decoding.color);
-            Box::new(Text::new(out, Clock::new(decoding.time), has_colour, decoding.verbose))
+            let text = Text::new(out, Clock::new(decoding.time), has_colour, decoding.verbose);
+            Box::new(text.within(terminal::width()))
         }
         Form::Csv if arguments.columns.is_empty() => Box::new(Csv::new(out, Columns::default())),
         Form::Csv => match Columns::named(&arguments.columns) {

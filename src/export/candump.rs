@@ -1,7 +1,7 @@
 //! The log of candump (can-utils): a frame a line, losses as candump tells them.
 //! `(1700000010.000000) can0 42C#010E010101 R`
 
-use super::Export;
+use super::{Export, forms};
 use crate::clock::Exact;
 use dissectors::can::{Direction, Frame, FrameKind, MAX_CLASSIC_DATA};
 use dissectors::protocol::Medium;
@@ -33,8 +33,9 @@ impl<W: Write> Candump<W> {
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
         if record.protocol.medium != Medium::Can {
             let what = format!(
-                "{} is no CAN bus, and candump holds CAN frames: write pcapng, chars, CSV or JSON",
-                record.bus.name
+                "{} is no CAN bus, and candump holds CAN frames: {}",
+                record.bus.name,
+                forms(record.protocol.medium)
             );
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
         }

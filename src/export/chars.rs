@@ -1,6 +1,6 @@
 //! `chars`: the plain text form of a character stream.
 
-use super::Export;
+use super::{Export, forms};
 use crate::clock::Exact;
 use dissectors::event::Moment;
 use dissectors::protocol::Medium;
@@ -29,8 +29,9 @@ impl<W: Write> Chars<W> {
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
         if record.protocol.medium != Medium::Serial {
             let what = format!(
-                "{} is no serial line, and chars holds characters of one: write another format",
-                record.bus.name
+                "{} is no serial line, and chars holds characters of one: {}",
+                record.bus.name,
+                forms(record.protocol.medium)
             );
             return Err(io::Error::new(io::ErrorKind::Unsupported, what));
         }

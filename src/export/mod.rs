@@ -23,6 +23,7 @@ pub use rows::Rows;
 pub use text::Text;
 
 use dissectors::event::Moment;
+use dissectors::protocol::Medium;
 use dissectors::record::{BusInfo, Record, Sink};
 use std::fmt;
 use std::io;
@@ -59,6 +60,17 @@ pub trait Export: Sink {
     /// # Errors
     /// It could not be written.
     fn flush(&mut self) -> io::Result<()>;
+}
+
+/// The forms that hold what a bus of this medium carries, besides that which does not.
+fn forms(medium: Medium) -> &'static str {
+    match medium {
+        Medium::Serial => "write pcapng, chars, CSV or JSON",
+        Medium::Can => "write pcapng, candump, CSV or JSON",
+        Medium::Words => {
+            "write CSV or JSON, or process words of a log with --output-format interbus-log"
+        }
+    }
 }
 
 /// Bytes as hex digits.

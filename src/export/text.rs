@@ -1,4 +1,4 @@
-//! The table for people: one line a telegram, within 100 columns.
+//! The table for people: one line a telegram, cut to the width of a terminal that it goes to.
 
 use super::Export;
 use super::candump::write_frame;
@@ -12,9 +12,6 @@ use dissectors::record::{Heard, Record, Sink};
 use dissectors::uart::{Character, Parity};
 use std::fmt::Write as _;
 use std::io::{self, Write};
-
-/// Columns that a line fits in.
-const WIDTH: usize = 100;
 
 /// Columns of the bus's name.
 const BUS: usize = 6;
@@ -30,6 +27,8 @@ pub struct Text<W> {
     out: W,
     result: io::Result<()>,
     clock: Clock,
+    /// Columns that a line fits in, if it must.
+    width: Option<usize>,
     has_colour: bool,
     is_verbose: bool,
     has_header: bool,
@@ -42,12 +41,13 @@ pub struct Text<W> {
 }
 
 impl<W: Write> Text<W> {
-    /// Writes to `out`; with the characters below each telegram if verbose.
+    /// Writes to `out`, in lines of any length; with the characters below each telegram if verbose.
     pub fn new(out: W, clock: Clock, has_colour: bool, is_verbose: bool) -> Self {
         Text {
             out,
             result: Ok(()),
             clock,
+            width: None,
             has_colour,
             is_verbose,
             has_header: false,
@@ -56,6 +56,12 @@ impl<W: Write> Text<W> {
             ends: 0,
             sentence: String::new(),
         }
+    }
+
+    /// The same in lines that fit in so many columns.
+    pub fn within(mut self, width: Option<usize>) -> Self {
+        self.width = width;
+        self
     }
 
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
@@ -73,8 +79,8 @@ impl<W: Write> Text<W> {
         self.compose(record);
         let severity = record.findings.iter().map(|finding| finding.severity()).max();
         let style = severity.filter(|_| self.has_colour).map(style);
-        if self.line.chars().count() > WIDTH {
-            self.name_findings(record);
+        if let Some(width) = self.width.filter(|width| self.line.chars().count() > *width) {
+            self.name_findings(record, width);
         }
         write_styled(&mut self.out, style, &self.line)?;
         if self.is_verbose {
@@ -135,7 +141,7 @@ impl<W: Write> Text<W> {
     }
 
     /// Makes a line that is too long fit: what was found stands there by name, be the sentence cut.
-    fn name_findings(&mut self, record: &Record<'_>) {
+    fn name_findings(&mut self, record: &Record<'_>, width: usize) {
         self.sentence.clear();
         for finding in worst_first(record).filter(|_| self.ends > 0) {
             let name = finding.code.name.rsplit('.').next().unwrap_or(finding.code.name);
@@ -145,9 +151,9 @@ impl<W: Write> Text<W> {
         if self.ends > 0 {
             self.line.truncate(self.ends);
         }
-        shorten(&mut self.line, WIDTH.saturating_sub(self.sentence.chars().count()).max(1));
+        shorten(&mut self.line, width.saturating_sub(self.sentence.chars().count()).max(1));
         self.line.push_str(&self.sentence);
-        shorten(&mut self.line, WIDTH);
+        shorten(&mut self.line, width);
     }
 
     fn write_findings(&mut self, record: &Record<'_>) -> io::Result<()> {

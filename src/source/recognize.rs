@@ -55,7 +55,9 @@ fn is_saleae_session(head: &[u8]) -> bool {
 }
 
 /// What people try, how it begins, and what to do about it.
-const KNOWN: [(&[u8], &str); 18] = [
+const KNOWN: [(&[u8], &str); 20] = [
+    (b"\xFF\xFE", UTF_16),
+    (b"\xFE\xFF", UTF_16),
     (b"\x1F\x8B", "this is compressed with gzip: unpack it first"),
     (b"\x28\xB5\x2F\xFD", "this is compressed with zstd: unpack it first"),
     (b"\xFD7zXZ\0", "this is compressed with xz: unpack it first"),
@@ -79,6 +81,10 @@ const KNOWN: [(&[u8], &str); 18] = [
     (b" Chn Identifier", KVASER),
 ];
 
+/// What to do about text in UTF-16, as spreadsheets and Windows save "Unicode".
+pub const UTF_16: &str = "this is text in UTF-16: save it as CSV in UTF-8, or convert it with iconv -f \
+                          UTF-16 -t UTF-8";
+
 const MF4: &str = "this is an MDF measurement: convert it to ASC or candump with asammdf or \
                    python-can";
 
@@ -98,6 +104,9 @@ const SALEAE_SESSION: &str = "this is a session of Logic 2 (.sal), whose form is
 fn advice(head: &[u8]) -> String {
     if let Some((_, advice)) = KNOWN.iter().find(|(beginning, _)| head.starts_with(beginning)) {
         return (*advice).to_owned();
+    }
+    if is_utf16(head) {
+        return UTF_16.to_owned();
     }
     if is_saleae_session(head) {
         return SALEAE_SESSION.to_owned();
@@ -119,6 +128,16 @@ fn advice(head: &[u8]) -> String {
     let formats = InputFormat::value_variants().iter().filter_map(ValueEnum::to_possible_value);
     let names: Vec<String> = formats.map(|value| value.get_name().to_owned()).collect();
     format!("{looks}; --input-format takes {}", names.join(" "))
+}
+
+/// Whether this is text in UTF-16 without a mark at its beginning: every other byte is 0.
+fn is_utf16(head: &[u8]) -> bool {
+    let is_letter = |byte: u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
+    let is = |low: usize| {
+        let mut pairs = head.chunks_exact(2);
+        pairs.all(|pair| is_letter(pair[low]) && pair[1 - low] == 0)
+    };
+    head.len() >= 16 && (is(0) || is(1))
 }
 
 /// Whether a line can be read by people.
@@ -180,6 +199,12 @@ mod tests {
             text.contains("begins with \"Grüße aus der Halle\"; --input-format takes pcap"),
             "{text}"
         );
+        let utf_16 = "time,out,in\r\n1.0".encode_utf16();
+        let bytes: Vec<u8> = utf_16.clone().flat_map(u16::to_le_bytes).collect();
+        let swapped: Vec<u8> = utf_16.flat_map(u16::to_be_bytes).collect();
+        for text in [&bytes, &swapped, &[&b"\xFF\xFE"[..], &bytes].concat()] {
+            assert!(said(text).contains("UTF-16: save it as CSV in UTF-8"), "{}", said(text));
+        }
         assert!(said(b"LOGG\x90\0\0\0").contains("convert it to ASC"));
         assert!(said(b"***BUSMASTER Ver 3.2.2***\n").contains("BUSMASTER"));
         assert!(said(&[0x84, 0x81, 0x15, 0xFF, 0xFF, 0xFF, 0, 0x17]).contains("parmrk"));

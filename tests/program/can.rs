@@ -81,7 +81,6 @@ fn the_table_shows_frames_as_candump_does() {
     let run =
         fieldtap_fed(["read", "--protocol", "can", "-v", "--bitrate", "125k", "-"], LOG.as_bytes());
     let text = run.good().stdout;
-    assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     assert!(text.contains("can0   42C#010E010101         frame 42Ch, 5 bytes\n"), "{text}");
     // 92 bits of 8 µs.
     assert!(text.contains("92 bits, 736 µs, rx\n"), "{text}");

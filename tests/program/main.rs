@@ -41,5 +41,7 @@ mod snapshots;
 mod soak;
 mod streams;
 mod telegrams;
+#[cfg(target_os = "linux")]
+mod terminal;
 mod truth;
 mod wireshark;

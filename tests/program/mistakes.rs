@@ -164,3 +164,60 @@ fn end(child: &mut Child) -> (Option<i32>, String) {
     child.stderr.take().expect("it is piped").read_to_string(&mut told).expect("UTF-8");
     (status.code(), told)
 }
+
+/// The last lines say `17 x parity`: that is what people ask for next.
+#[test]
+fn a_finding_is_explained_by_its_short_name() {
+    let whole = fieldtap(["explain", "slin.parity"]).good().stdout;
+    assert_eq!(fieldtap(["explain", "parity"]).good().stdout, whole);
+    let run = fieldtap(["explain", "crc"]);
+    assert!(run.status == 2 && run.stderr.contains("interbus.crc, can.crc"), "{}", run.stderr);
+    let run = fieldtap(["explain", "nonsense"]);
+    assert!(run.status == 2 && run.stderr.contains("there is no finding nonsense"));
+}
+
+#[test]
+fn a_form_that_cannot_hold_a_bus_names_those_that_can() {
+    let scratch = Scratch::new();
+    let refused = |capture: &str, out: &str, forms: &str| {
+        let out = scratch.path(out);
+        let run = fieldtap(["convert", argument(&here(capture)), argument(&out)]);
+        assert!(run.status == 3 && run.stderr.contains(forms), "{}", run.stderr);
+    };
+    for out in ["ring.pcapng", "ring.log", "ring.chars"] {
+        let forms =
+            "write CSV or JSON, or process words of a log with --output-format interbus-log";
+        refused("captures/good-interbus/50ms.csv", out, forms);
+    }
+    let can = "captures/good-devicenet/poll.log";
+    refused(can, "can.chars", "write pcapng, candump, CSV or JSON");
+    refused("captures/good/baumer.chars", "serial.log", "write pcapng, chars, CSV or JSON");
+}
+
+/// Nodes that nobody asks, and ID words, which nobody answers.
+#[test]
+fn who_was_only_heard_is_named() {
+    let scratch = Scratch::new();
+    let ids = scratch.file("ids.csv", "device,id\n1,0233\n2,0132\n");
+    let run = fieldtap(["read", argument(&ids)]).good();
+    assert!(run.stderr.contains("WHO    heard 1 2\n"), "{}", run.stderr);
+    // 42Fh: MAC ID 5, group 2 message 7, the duplicate MAC ID check.
+    let checks = b"(1.0) can0 42F#00D40133FC8501\n(2.0) can0 42F#00D40133FC8501\n";
+    let run = fieldtap_fed(["read", "--protocol", "devicenet", "-"], checks).good();
+    assert!(run.stderr.contains("WHO    heard 5\n"), "{}", run.stderr);
+}
+
+#[test]
+fn a_number_below_its_range_is_told_with_the_range() {
+    for (arguments, range) in [
+        (["simulate", "devicenet", "--encoders", "-5"], "a MAC ID is 0 to 63"),
+        (["simulate", "interbus", "--cycle", "-5"], "0 to 10000 milliseconds"),
+        (["simulate", "devicenet", "--packet-rate", "-5"], "10..=10000"),
+    ] {
+        let run = fieldtap(arguments.into_iter().chain(["-o", "-"]));
+        assert!(run.status == 2 && run.stderr.contains(range), "{}", run.stderr);
+        assert!(!run.stderr.contains("unexpected argument"), "{}", run.stderr);
+    }
+    let run = fieldtap(["simulate", "devicenet", "--lone", "-o", "-"]);
+    assert!(run.stderr.contains("--lone: one encoder is alone on the bus: name it"));
+}

@@ -1,6 +1,6 @@
 //! The line of an INTERBUS ring, through the program: wires of one bus, profile, devices.
 
-use crate::harness::{argument, fieldtap};
+use crate::harness::{argument, fieldtap, here};
 use crate::ring::{Chance, Plan, Recording};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -98,4 +98,29 @@ fn a_profile_says_what_is_known() {
     std::fs::write(&profile, "lbw = 3\n").expect("it can be written");
     let run = fieldtap(read.iter().chain(&["--line-profile", argument(&profile)]));
     assert_eq!(run.status, 2, "{}", run.stderr);
+}
+
+/// A serial line and a CAN line under `--protocol interbus`: they are not silent.
+#[test]
+fn a_line_of_another_protocol_is_not_called_silent() {
+    for capture in ["captures/good/baumer.sr", "captures/good-devicenet/line-125k.sr"] {
+        let capture = here(capture);
+        let run = fieldtap(["read", argument(&capture), "--protocol", "interbus"]).good();
+        let told = &run.stderr;
+        assert!(told.contains("LINE   not this protocol's: "), "{told}");
+        assert!(told.contains("WRONG  not judged: what was heard is another protocol's"), "{told}");
+        assert!(!told.contains("silent") && !told.contains("nothing was heard"), "{told}");
+    }
+}
+
+/// Without options, each wire is a bus: the command that joins them is told, and does so.
+#[test]
+fn wires_that_were_read_apart_are_told_with_the_command_that_joins_them() {
+    let capture = here("captures/good-interbus/line.sr");
+    let run = fieldtap(["stats", argument(&capture)]).good();
+    let command = format!("fieldtap stats {} --protocol interbus", argument(&capture));
+    assert!(run.stderr.contains("DO and DI carry INTERBUS each"), "{}", run.stderr);
+    assert!(run.stderr.contains(&command), "{}", run.stderr);
+    let run = fieldtap(command.split(' ').skip(1)).good();
+    assert!(!run.stderr.contains("read apart"), "{}", run.stderr);
 }

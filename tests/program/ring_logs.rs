@@ -1,6 +1,6 @@
 //! Logs of an INTERBUS ring, as controllers and commissioning tools write them.
 
-use crate::harness::{Scratch, argument, fieldtap};
+use crate::harness::{Scratch, argument, fieldtap, here};
 use serde_json::Value;
 
 /// The records of a log, read with more options.
@@ -69,6 +69,101 @@ fn a_side_that_is_not_logged_is_not_silent() {
     let run = fieldtap(["read", argument(&sent)]).good();
     assert!(run.stderr.contains("no-acknowledge not judged 1 x"), "{}", run.stderr);
     assert!(!run.stderr.contains("never"), "{}", run.stderr);
+}
+
+/// Rows every 4 ms or every 50 ms of a healthy ring, their times written in ms.
+#[test]
+fn times_in_a_wrong_unit_raise_no_alarm() {
+    let scratch = Scratch::new();
+    for (name, is_fine) in [("every-cycle.csv", true), ("50ms.csv", false)] {
+        let log =
+            std::fs::read_to_string(here("captures/good-interbus").join(name)).expect("a log");
+        let in_ms = log.lines().enumerate().map(|(index, line)| match line.split_once(',') {
+            Some((time, words)) if index > 0 => {
+                let ms = time.parse::<f64>().expect("seconds") * 1_000.0;
+                format!("{ms:.0},{words}\n")
+            }
+            _ => format!("{line}\n"),
+        });
+        let log = scratch.file(name, in_ms.collect::<String>());
+        for unit in ["s", "us"] {
+            let run = fieldtap(["read", argument(&log), "--time-unit", unit]).good();
+            assert!(run.stderr.contains("WRONG  nothing found"), "{name} {unit}: {}", run.stderr);
+            assert!(run.stderr.contains("(is --time-unit right?)"), "{}", run.stderr);
+            assert!(run.stderr.contains("time unit undecided"), "{}", run.stderr);
+            let is_withheld = run.stderr.contains("no-acknowledge not judged");
+            assert_eq!(is_withheld, is_fine && unit == "s", "{}", run.stderr);
+        }
+        let run = fieldtap(["read", argument(&log), "--time-unit", "ms"]).good();
+        assert!(!run.stderr.contains("time-unit"), "{}", run.stderr);
+    }
+}
+
+/// A device that never answers is told, be the rows seconds apart: of dates the unit is known, and
+/// 4000 rows last a second whatever the unit is.
+#[test]
+fn a_slow_log_still_tells_a_device_that_never_answers() {
+    let scratch = Scratch::new();
+    let row = |n: u32, time: String| {
+        let out = if n > 30 { "81000000" } else { "00000000" };
+        format!("{time},{out},00000005\n")
+    };
+    let log = |count, time: &dyn Fn(u32) -> String| {
+        let rows: String = (0..count).map(|n| row(n, time(n))).collect();
+        scratch.file("slow.csv", format!("time,out,in\n{rows}"))
+    };
+    let date = |n: u32| format!("2026-05-03 10:{:02}:{:02}", n / 60, n % 60);
+    let run = fieldtap(["read", argument(&log(60, &date))]).good();
+    assert!(run.stderr.contains("1 x no-acknowledge"), "{}", run.stderr);
+    let number = |n: u32| n.to_string();
+    let run = fieldtap(["read", argument(&log(60, &number))]).good();
+    assert!(run.stderr.contains("no-acknowledge not judged 1 x"), "{}", run.stderr);
+    let run = fieldtap(["read", argument(&log(4_050, &number))]).good();
+    assert!(run.stderr.contains("1 x no-acknowledge"), "{}", run.stderr);
+}
+
+/// A log in decimal, with the words of a healthy ring: as numbers with and without a sign.
+#[test]
+fn decimal_words_are_read_as_such_where_hex_makes_no_sense() {
+    let scratch = Scratch::new();
+    let hex = here("captures/good-interbus/every-cycle.csv");
+    let expected = fieldtap(["read", "--format", "json", argument(&hex)]).good().records();
+    let words = std::fs::read_to_string(&hex).expect("a log");
+    let written = |say: &dyn Fn(u32) -> String| {
+        let lines = words.lines().skip(1).map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let word = |at: usize| say(u32::from_str_radix(cells[at], 16).expect("hex"));
+            format!("{},{},{}\n", cells[0], word(1), word(2))
+        });
+        scratch.file("decimal.csv", format!("time,out,in\n{}", lines.collect::<String>()))
+    };
+    let unsigned = |word: u32| word.to_string();
+    let signed = |word: u32| word.cast_signed().to_string();
+    for say in [&unsigned as &dyn Fn(u32) -> String, &signed] {
+        let run = fieldtap(["read", "--format", "json", argument(&written(say))]).good();
+        assert!(run.stderr.contains("its words are read as decimal"), "{}", run.stderr);
+        assert_eq!(run.records(), expected);
+    }
+}
+
+/// Positions alone, of digits up to 9: 100 may be 100 or 256.
+#[test]
+fn words_that_may_be_hex_or_decimal_are_not_called_healthy() {
+    let scratch = Scratch::new();
+    // 999 and 1000 are one apart, 999h and 1000h 1639: that is a jump only if they are hex.
+    let lines = (0..60).map(|n| format!("0.{n:02},0,{}\n", 970 + n));
+    let log = scratch.file("jumps.csv", format!("time,out,in\n{}", lines.collect::<String>()));
+    let run = fieldtap(["read", argument(&log), "--every-cycle"]).good();
+    assert!(run.stderr.contains("WRONG  only if words are hex: "), "{}", run.stderr);
+    let lines = (0..50).map(|n| format!("0.{n:02},0,{}\n", 100 + n % 10));
+    let log = scratch.file("open.csv", format!("time,out,in\n{}", lines.collect::<String>()));
+    let run = fieldtap(["read", argument(&log)]).good();
+    assert!(run.stderr.contains("WRONG  not judged: the words may be hex or decimal"));
+    assert!(!run.stderr.contains("nothing found"), "{}", run.stderr);
+    for radix in ["hex", "decimal"] {
+        let run = fieldtap(["read", argument(&log), "--words", radix]).good();
+        assert!(run.stderr.contains("WRONG  nothing found in 50 records"), "{}", run.stderr);
+    }
 }
 
 #[test]

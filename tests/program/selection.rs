@@ -78,19 +78,6 @@ fn names_from_outside_steer_no_terminal_and_no_spreadsheet() {
 }
 
 #[test]
-fn a_line_of_the_table_fits_100_columns() {
-    let scratch = Scratch::new();
-    let name = "a name that is much too long for any table that a person would want to read";
-    let stations = scratch.file("stations.toml", format!("[station.3]\nname = \"{name}\"\n"));
-    let run = fieldtap_fed(["read", "--stations", argument(&stations), "-"], capture().as_bytes());
-    let stdout = run.good().stdout;
-    assert_eq!(stdout.lines().count(), 7, "a header and a line a record");
-    for line in stdout.lines() {
-        assert!(line.chars().count() <= 100, "{line}");
-    }
-}
-
-#[test]
 fn colour_is_for_severities_and_only_where_it_is_wanted() {
     let late = "time,byte,parity\n0.000000000,80,ok\n0.001445486,1A,ok\n0.001540972,01,ok\n\
                 0.001636458,98,ok\n";

@@ -268,3 +268,21 @@ fn a_line_is_coded_as_its_profile_says() {
     // Idle is low on both wires.
     assert!(fs::read_to_string(&dump).unwrap().contains("$enddefinitions $end\n#0 0! 0\"\n"));
 }
+
+#[test]
+fn what_no_bus_can_be_is_refused_with_its_limit() {
+    let refused = |arguments: &[&str], limit: &str| {
+        let run = fieldtap(["simulate"].iter().chain(arguments).chain(&["-o", "-"]));
+        assert_eq!(run.status, 2, "{arguments:?}: {}", run.stderr);
+        assert!(run.stderr.contains(limit), "{arguments:?}: {}", run.stderr);
+    };
+    let log = ["--output-format", "csv"];
+    refused(&[&["interbus", "--cycle", "1e-9"][..], &log].concat(), "--cycle: 0.25 ms at least");
+    refused(&[&["interbus", "--rows", "0ms"][..], &log].concat(), "longer than 0 ms");
+    // 30 answers of 4 bytes and their acknowledges: 30 x (79 + 47) bits in 10 ms at 125 kbit/s.
+    let many: Vec<String> = (1..=30).map(|mac| mac.to_string()).collect();
+    let many = many.join(",");
+    let cyclic = ["devicenet", "--mode", "cyclic", "--packet-rate", "10", "--encoders", &many];
+    let log = ["--output-format", "log"];
+    refused(&[&cyclic[..], &log].concat(), "302 % of what 125 kbit/s carry");
+}

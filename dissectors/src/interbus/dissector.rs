@@ -88,7 +88,7 @@ impl Interbus {
         let n = out.next_number();
         let Interbus { devices, profiles, settings, judgement, .. } = self;
         let device = known(devices, profiles, row.device);
-        let (told, jump) = device.hear(row, words, n, settings, judgement);
+        let (told, jump) = device.hear(row, words, n, (settings, bus.is_unit_guessed), judgement);
         let process = Some(told);
         let facts = Facts { row: Some(row), process, of_cycle, ..Facts::default() };
         self.tell(bus, row, told.state.kind(), told.turn, &facts, out);
@@ -262,6 +262,9 @@ impl Dissector for Interbus {
                 let value = format!("{} mm", f64::from(um) / f64::from(steps) / 1_000.0);
                 let length = f64::from(um) / 1_000.0;
                 conclude("resolution", Some(value), format!("{length} mm in {steps} steps"));
+            }
+            if let Some(complaint) = device.complaint() {
+                conclude("time unit", None, complaint);
             }
             let grain = device.grain();
             if grain.is_decided() && !self.settings.every_cycle {

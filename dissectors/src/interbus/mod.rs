@@ -25,6 +25,7 @@ mod judge;
 mod layer;
 pub mod line;
 pub mod message;
+mod pace;
 mod profile;
 mod report;
 pub mod row;
@@ -40,6 +41,7 @@ pub use line::Cycle;
 pub use profile::Profile;
 pub use report::{Master, Report};
 pub use row::{Content, Device, Row};
+pub use service::can_be;
 pub use settings::{LIMITS, ReadEcho, Settings};
 
 use crate::field::Roles;

@@ -3,7 +3,7 @@
 //! TR-Electronic's 582 rotary encoders have the same interface with a table of their own, which
 //! nobody has shown yet: it would stand here, beside this one.
 
-use super::word::Access;
+use super::word::{Access, Word};
 use core::fmt;
 
 /// Counting direction to the end of the rod (§3.1).
@@ -95,6 +95,23 @@ impl Service {
             (_, value) => write!(out, "{value}"),
         }
     }
+}
+
+/// Whether an LA-66 and its master can have sent these words: OUT asks for a service that there is,
+/// IN tells a position, or acknowledges such a service (manual §2.2, §2.3). Who reads words in a
+/// wrong radix sees others.
+#[must_use]
+pub fn can_be(out: Option<Word>, input: Option<Word>) -> bool {
+    let is_service = |word: Word| {
+        let service = Service::numbered(word.service());
+        !word.has_reserve_bit() && service.is_some_and(|it| it.allows(word.access()))
+    };
+    let is_out = out.is_none_or(|word| !word.has_service_bit() || is_service(word));
+    let is_in = |word: Word| match word.has_service_bit() {
+        true => is_service(word),
+        false => word.stray_bits() == 0,
+    };
+    is_out && input.is_none_or(is_in)
 }
 
 #[cfg(test)]

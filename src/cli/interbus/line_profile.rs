@@ -27,6 +27,7 @@
 //! decoder = "la66:500mm"
 //! ```
 
+use crate::config;
 use anyhow::{Context, bail};
 use dissectors::device::Profile as DeviceProfile;
 use dissectors::interbus::line::{BitOrder, CrcProfile, Flag, Loopback, Profile, RingDevice};
@@ -114,7 +115,7 @@ pub fn read(path: &Path) -> anyhow::Result<(Profile, Named)> {
     if read as u64 == LONGEST_FILE {
         bail!("{file}: this is larger than any profile of a line");
     }
-    let parsed: File = toml::from_str(&text).with_context(|| format!("{file}: not understood"))?;
+    let parsed: File = config::parse(&text).with_context(|| format!("{file}: not understood"))?;
     parsed.known().with_context(|| format!("{file}: not a profile of a line"))
 }
 
@@ -259,7 +260,7 @@ mod tests {
             ("[crc]\npoly = \"8005\"\n", "1021"),
             ("[[ring]]\nwidth_bits = 600\n", "512 bits at most"),
             ("[[ring]]\nwidth_bits = 32\ndecoder = \"la67\"\n", "one of baumer-encoder"),
-            ("bits = 12\n", "unknown field `bits`"),
+            ("bits = 12\n", "unknown field \"bits\": expected bitrate, idle_level"),
         ] {
             let error = format!("{:#}", parse(text).unwrap_err());
             assert!(error.contains(what), "{text:?}: {error}");

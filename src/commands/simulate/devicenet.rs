@@ -190,6 +190,10 @@ impl Devicenet {
         if self.lone && !faults.iter().any(|order| order.fault == Fault::NotAcknowledged) {
             faults.push(Order { fault: Fault::NotAcknowledged, station: None, probability: 1.0 });
         }
+        ensure!(
+            !self.lone || self.encoders.len() == 1,
+            "--lone: one encoder is alone on the bus: name it, such as --encoders 5"
+        );
         self.check_form(&faults)?;
         ensure!(self.errands >= 20 * MS, "--errands: 20 ms at least");
         let plan = Plan {

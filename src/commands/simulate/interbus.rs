@@ -213,7 +213,10 @@ fn rows(text: &str) -> Result<Rows, String> {
         return Ok(Rows(None));
     }
     let time = text.strip_suffix("ms").ok_or("every, or a time such as 50ms".to_owned())?;
-    Ok(Rows(Some(milliseconds(time)?)))
+    match milliseconds(time)? {
+        time @ 1.. => Ok(Rows(Some(time))),
+        _ => Err("longer than 0 ms: a row for each bus cycle is every".to_owned()),
+    }
 }
 
 fn millimetres(text: &str) -> Result<f64, String> {

@@ -1,6 +1,7 @@
 //! The blocks of a pcapng file, whoever has them written: an export of records, or a recording of
 //! what a tap hears.
 
+use super::super::forms;
 use super::{can, serial};
 use crate::source::tap_note;
 use dissectors::can::Frame;
@@ -277,8 +278,9 @@ pub fn clock_of(bus: &BusInfo, medium: Medium) -> io::Result<Clock> {
     match medium {
         Medium::Serial | Medium::Can => Ok(clock),
         Medium::Words => Err(unsupported(format!(
-            "{} is a ring, and pcapng has no link type for its words: write CSV or JSON",
-            bus.name
+            "{} is a ring, and pcapng has no link type for its words: {}",
+            bus.name,
+            forms(medium)
         ))),
     }
 }

@@ -167,10 +167,46 @@ impl Plan {
             );
         }
         self.prepare();
+        self.check_room()?;
         for order in &self.faults {
             self.check_fault(*order)?;
         }
         Ok(self)
+    }
+
+    /// Refuses more frames than the bus can carry: without stuff bits one takes 47 bits and its
+    /// data, the space behind it included (CAN 2.0, part A §3.1.1).
+    fn check_room(&self) -> Result<()> {
+        let bits = |bytes: u8| 47.0 + 8.0 * f64::from(bytes);
+        let data = |station: &Station| if station.assembly == 2 { 5 } else { 4 };
+        let (mut scanned, mut produced) = (0.0, 0.0);
+        for station in &self.stations {
+            let answer = bits(data(station));
+            match station.mode {
+                Mode::Poll => scanned += bits(0) + answer,
+                Mode::Strobe => scanned += answer,
+                Mode::Cos | Mode::Cyclic if self.is_acknowledged => produced += answer + bits(0),
+                Mode::Cos | Mode::Cyclic => produced += answer,
+            }
+        }
+        let has_strobe = self.stations.iter().any(|station| station.mode == Mode::Strobe);
+        scanned += if has_strobe { bits(8) } else { 0.0 };
+        let share = |bits: f64, time: Ps| match time {
+            // In a hurry: a scan begins when the last answer is there.
+            0 => 0.0,
+            time => self.clock().bits(bits) as f64 / time as f64,
+        };
+        // Encoders round it up to 10 ms.
+        let packet_rate = Ps::from(self.packet_rate.div_ceil(10)) * 10 * MS;
+        let load = share(scanned, self.scan) + share(produced, packet_rate);
+        ensure!(
+            load <= 1.0,
+            "--scan, --packet-rate: these encoders would send {:.0} % of what {} kbit/s carry: take \
+             longer times, fewer --encoders or a higher --bitrate",
+            load * 100.0,
+            self.bitrate / 1_000
+        );
+        Ok(())
     }
 
     fn prepare(&mut self) {
@@ -291,6 +327,12 @@ mod tests {
             assert!(example(mode, &[fault]).settle().is_err(), "{fault}");
         }
         assert!(example(Mode::Cyclic, &["io-unacknowledged"]).settle().is_ok());
+        // A poll and its answer of 5 bytes: 47 + 47 + 40 bits, of three encoders 402; 3.2 ms at
+        // 125 kbit/s, 0.8 ms at 500 kbit/s.
+        let every = |scan| Plan { scan, ..example(Mode::Poll, &[]) };
+        assert!(every(3 * MS).settle().unwrap_err().to_string().contains("107 % of what 125"));
+        assert!(every(4 * MS).settle().is_ok() && every(0).settle().is_ok());
+        assert!(Plan { bitrate: 500_000, ..every(MS) }.settle().is_ok());
         assert!(Plan { master: 7, ..example(Mode::Poll, &[]) }.settle().is_err());
     }
 }

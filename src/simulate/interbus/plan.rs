@@ -3,12 +3,15 @@
 use super::fault::{Fault, Order};
 use crate::simulate::motion::Motion;
 use crate::simulate::order::Orderable;
-use crate::simulate::time::{MS, Ps, S};
+use crate::simulate::time::{MS, Ps, S, US};
 use anyhow::{Result, ensure};
 use std::str::FromStr;
 
 /// Most devices of a ring here. Real ones have 512 at most.
 const MOST_DEVICES: usize = 64;
+
+/// A cycle of one device with two words takes 130 bits of 2 µs (Beckhoff: 13·(6+N) bits), and gaps.
+const SHORTEST_CYCLE: Ps = 250 * US;
 
 /// The ID word of an LA-66: ident number 51, two words in and out (manual §1).
 const LA66: u16 = 0x0233;
@@ -120,7 +123,10 @@ impl Plan {
         let most = MOST_DEVICES;
         ensure!((1..=most).contains(&self.ring.len()), "--ring: one to {most} devices");
         ensure!(is_line || !encoders.is_empty(), "--ring: a log is about encoders, name an la66");
-        ensure!(self.cycle > 0, "--cycle: longer than nothing");
+        ensure!(
+            self.cycle >= SHORTEST_CYCLE,
+            "--cycle: 0.25 ms at least, which a ring of one device takes at 500 kbit/s"
+        );
         ensure!(self.rod > 0.0, "--rod: longer than nothing");
         ensure!(self.scan < S && self.cycle < S, "--cycle, --plc: less than a second");
         for order in &self.faults {

@@ -8,7 +8,7 @@ use super::super::outbox::{Outbox, Reader};
 use super::super::{Input, SourceError, SourceOptions};
 use super::layout::Layout;
 use super::log::device;
-use super::stamps::Stamps;
+use super::stamps::{Stamps, wrong};
 use super::table::{Cells, Header, Table};
 use super::words::Words;
 use super::{BUS, announce};
@@ -81,7 +81,7 @@ impl Reader for Registers {
     fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
         let Registers { table, columns, words, stamps, rows, is_announced } = self;
         if !std::mem::replace(is_announced, true) {
-            announce(columns.time.is_some(), out);
+            announce(columns.time.is_some(), None, false, out);
         }
         while !out.is_full() {
             let has_more = table.read(out, |cells| columns.take(cells, words, stamps, rows))?;
@@ -135,8 +135,8 @@ impl Columns {
             Some(column) => cells.get(column).ok_or("columns are missing"),
             None => Ok(&b""[..]),
         };
-        let time = stamps.read(cell(self.date)?, cell(self.time)?);
-        let (start, uncertainty) = time.ok_or("the time is neither a number nor a date")?;
+        let (date, time) = (cell(self.date)?, cell(self.time)?);
+        let (start, uncertainty) = stamps.read(date, time).ok_or_else(|| wrong(date, time))?;
         let of_status = |status| -> Result<Row, &'static str> {
             let status = words.short(status).ok_or("the status is not a word of 16 bits")?;
             let parameter = match cell(self.parameter)? {

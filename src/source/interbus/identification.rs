@@ -8,7 +8,7 @@ use super::super::outbox::{Outbox, Reader};
 use super::super::{Input, SourceError, SourceOptions};
 use super::layout::{Layout, LengthCodes, Radix};
 use super::log::device;
-use super::stamps::Stamps;
+use super::stamps::{Stamps, wrong};
 use super::table::{Cells, Header, Table};
 use super::words::{Words, number};
 use super::{BUS, announce};
@@ -90,7 +90,7 @@ impl Reader for List {
     fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
         let List { table, columns, reading, stamps, devices, is_announced } = self;
         if !std::mem::replace(is_announced, true) {
-            announce(columns.time.is_some(), out);
+            announce(columns.time.is_some(), None, false, out);
         }
         while !out.is_full() {
             let mut row = None;
@@ -146,8 +146,7 @@ impl Columns {
         };
         let device = device.ok_or("there is no such device: 1 to 512")?;
         let time = self.time.and_then(|column| cells.get(column)).unwrap_or_default();
-        let time = stamps.read(b"", time);
-        let (start, uncertainty) = time.ok_or("the time is neither a number nor a date")?;
+        let (start, uncertainty) = stamps.read(b"", time).ok_or_else(|| wrong(b"", time))?;
         Ok(Row::new(Some(device), Content::Identification(word)).at(start, uncertainty))
     }
 }

@@ -8,11 +8,12 @@ use super::super::{Input, SourceError, SourceOptions};
 use super::columns::Columns;
 use super::join::Join;
 use super::layout::{Layout, Mapping, Radix};
-use super::stamps::{Base, Stamps};
+use super::stamps::{Base, Stamps, wrong};
 use super::table::{Cells, Header, Table};
-use super::words::{Words, is_surely_hex, number};
+use super::words::{Words, is_surely_hex};
 use super::{BUS, announce};
-use dissectors::interbus::{Content, Device, Row};
+use dissectors::interbus::word::Word;
+use dissectors::interbus::{Content, Device, Row, can_be};
 
 /// What the format is called in messages.
 const NAME: &str = "a log of process words";
@@ -55,13 +56,23 @@ impl Log {
     }
 
     fn announce(&mut self, out: &mut Outbox) {
-        announce(self.first.columns.time.is_some(), out);
-        for file in [&self.first].into_iter().chain(self.join.as_ref().map(Join::second)) {
-            if file.looks_decimal {
-                let what = "no word in the first lines has a digit above 9: they are read as hex; \
-                            if they are decimal, say --words decimal";
-                out.warning(file.table.error(what));
-            }
+        let files: Vec<&File> =
+            [&self.first].into_iter().chain(self.join.as_ref().map(Join::second)).collect();
+        let is_open = files.iter().any(|file| file.look == Look::Open);
+        announce(self.first.columns.time.is_some(), self.first.base(), is_open, out);
+        for file in files {
+            let what = match file.look {
+                Look::Hex => continue,
+                Look::Decimal => {
+                    "its words are read as decimal: as hex, some of the first lines would be no \
+                     words, or none that an encoder sends; if they are hex, say --words hex"
+                }
+                Look::Open => {
+                    "its words may be hex or decimal, no digit is above 9: they are read as hex; \
+                     say --words decimal, or --words hex"
+                }
+            };
+            out.warning(file.table.error(what));
         }
     }
 }
@@ -100,7 +111,38 @@ pub struct File {
     width: usize,
     /// Words are filled up with zeros, so that a shorter one is not all there.
     is_padded: bool,
-    looks_decimal: bool,
+    look: Look,
+}
+
+/// How the first words look.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Look {
+    /// As hex, or the user said so, or there are too few to tell.
+    Hex,
+    /// As decimal numbers that make no sense in hex.
+    Decimal,
+    /// As either.
+    Open,
+}
+
+/// What words would be in either radix.
+#[derive(Clone, Copy, Default)]
+struct Sense {
+    is_none: bool,
+    is_odd: bool,
+}
+
+impl Sense {
+    fn take(&mut self, columns: &Columns, cells: Cells<'_>, words: Words) {
+        for member in &columns.members {
+            match member.sides(cells, &words) {
+                Ok((out, input)) => {
+                    self.is_odd |= !can_be(out.map(Word::new), input.map(Word::new));
+                }
+                Err(_) => self.is_none = true,
+            }
+        }
+    }
 }
 
 impl File {
@@ -110,19 +152,15 @@ impl File {
         let columns = Columns::of(&header, mapping, layout).map_err(|what| table.error(what))?;
         let stamps = Stamps::new(layout.time_unit, table.delimiter());
         let words = Words::new(layout);
-        let mut file = File {
-            table,
-            columns,
-            words,
-            stamps,
-            width: 0,
-            is_padded: false,
-            looks_decimal: false,
-        };
+        let mut file =
+            File { table, columns, words, stamps, width: 0, is_padded: false, look: Look::Hex };
         if !layout.is_by_number() || !file.begins_with_a_row() {
             file.table.skip_header();
         }
-        file.look_ahead(layout);
+        file.look = file.look_ahead(layout);
+        if file.look == Look::Decimal {
+            file.words = file.words.in_radix(Radix::Decimal);
+        }
         Ok(file)
     }
 
@@ -136,21 +174,34 @@ impl File {
     }
 
     /// Looks at the first lines: how fine times are, and how words are written.
-    fn look_ahead(&mut self, layout: &Layout) {
-        let File { table, columns, stamps, looks_decimal, is_padded, .. } = self;
-        let (mut words, mut is_hex) = (0, layout.words.is_some());
+    fn look_ahead(&mut self, layout: &Layout) -> Look {
+        let File { table, columns, words, stamps, is_padded, .. } = self;
+        let (mut count, mut is_hex) = (0, layout.words.is_some());
+        let [mut hex, mut decimal] = [Sense::default(); 2];
         table.look_ahead(|cells| {
             let cell = |column: Option<usize>| cells.get(column?);
             let (date, time) = (cell(columns.date), cell(columns.time));
             let _ = stamps.read(date.unwrap_or_default(), time.unwrap_or_default());
-            for cell in columns.cells(cells).filter(|cell| number(cell, Radix::Hex, 32).is_some()) {
-                words += usize::from(cell != b"0");
+            let is_word = |cell: &&[u8]| words.is_word(cell);
+            for cell in columns.cells(cells).filter(is_word) {
+                count += usize::from(cell != b"0");
                 is_hex |= is_surely_hex(cell);
                 *is_padded |= matches!(cell, [b'0', b'0'..=b'9' | b'a'..=b'f' | b'A'..=b'F', ..]);
             }
+            if columns.cells(cells).any(|cell| words.is_word(cell)) {
+                hex.take(columns, cells, words.in_radix(Radix::Hex));
+                decimal.take(columns, cells, words.in_radix(Radix::Decimal));
+            }
         });
         stamps.rewind();
-        *looks_decimal = words >= ENOUGH && !is_hex;
+        match (hex, decimal) {
+            _ if is_hex || count < ENOUGH || decimal.is_none => Look::Hex,
+            // A device of another kind may send anything: only what both can be is compared.
+            (Sense { is_none: true, .. }, _) => Look::Decimal,
+            (Sense { is_odd: true, .. }, Sense { is_odd: false, .. }) => Look::Decimal,
+            (Sense { is_odd: false, .. }, Sense { is_odd: true, .. }) => Look::Hex,
+            _ => Look::Open,
+        }
     }
 
     /// Where its last time is counted from.
@@ -200,8 +251,8 @@ fn take(
         Some(column) => cells.get(column).ok_or("columns are missing"),
         None => Ok(&b""[..]),
     };
-    let time = stamps.read(cell(columns.date)?, cell(columns.time)?);
-    let (start, uncertainty) = time.ok_or("the time is neither a number nor a date")?;
+    let (date, time) = (cell(columns.date)?, cell(columns.time)?);
+    let (start, uncertainty) = stamps.read(date, time).ok_or_else(|| wrong(date, time))?;
     let named = match cell(columns.device)? {
         b"" => None,
         cell => Some(device(cell).ok_or("there is no such device: 1 to 512")?),

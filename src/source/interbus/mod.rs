@@ -26,7 +26,10 @@ pub const TABLE: &str = ": if it holds words of an INTERBUS ring, say in which c
                          --columns time=1,out=2,in=3";
 
 /// The ring appears.
-fn announce(has_times: bool, out: &mut Outbox) {
+fn announce(has_times: bool, base: Option<stamps::Base>, is_radix_guessed: bool, out: &mut Outbox) {
     let facts = WireFacts { medium: Some(Medium::Words), ..WireFacts::default() };
-    out.bus(BusInfo::new(BUS, has_times.then_some(Clock::Log)), facts);
+    let mut bus = BusInfo::new(BUS, has_times.then_some(Clock::Log));
+    bus.is_radix_guessed = is_radix_guessed;
+    let is_guessed = base.is_none_or(|base| base == stamps::Base::Counter);
+    out.bus(bus.with_guessed_unit(is_guessed), facts);
 }

@@ -170,6 +170,27 @@ impl Stamps {
     }
 }
 
+/// What is wrong with a time that is none.
+pub fn wrong(date: &[u8], time: &[u8]) -> &'static str {
+    let text = if date.is_empty() { time } else { date };
+    let day = text.split(|byte| matches!(byte, b'T' | b' ')).next().unwrap_or_default();
+    let parts: Vec<&[u8]> = day.split(|byte| b"-/.".contains(byte)).collect();
+    let is_number = |part: &&[u8]| !part.is_empty() && part.iter().all(u8::is_ascii_digit);
+    match parts.as_slice() {
+        parts if parts.len() != 3 || !parts.iter().all(is_number) => {
+            "the time is neither a number nor a date"
+        }
+        parts if parts.iter().all(|part| part.len() <= 2) => {
+            "the year of the date has two digits, and which number is the year is open: write \
+             2024-05-03, or 03.05.2024"
+        }
+        [first, ..] if first.len() <= 2 && day.contains(&b'/') => {
+            "which number of the date is the month is open: write 2024-05-03, or 03.05.2024"
+        }
+        _ => "the date is none, or its time of day is missing or none",
+    }
+}
+
 fn below(text: &[u8], limit: i64) -> Option<i64> {
     let number: i64 = std::str::from_utf8(text).ok()?.parse().ok()?;
     (0..limit).contains(&number).then_some(number)
@@ -249,6 +270,22 @@ mod tests {
         for wrong in ["2024-13-03 10:41:07", "05/03/2024 10:41:07", "2024-05-03", "25:00:00", "x"] {
             assert_eq!(read(TimeUnit::S, b';', wrong), None, "{wrong}");
         }
+    }
+
+    #[test]
+    fn dates_that_are_open_are_named() {
+        for (text, what) in [
+            ("24-05-03 10:41:07", "two digits"),
+            ("03.05.24 10:41:07", "two digits"),
+            ("05/03/2024 10:41:07", "which number of the date is the month"),
+            ("2024-13-03 10:41:07", "the date is none"),
+            ("2024-05-03", "time of day is missing"),
+            ("now", "neither a number nor a date"),
+        ] {
+            assert!(read(TimeUnit::S, b';', text).is_none(), "{text}");
+            assert!(wrong(b"", text.as_bytes()).contains(what), "{text}");
+        }
+        assert!(wrong(b"24-05-03", b"10:41:07").contains("two digits"));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::super::lines::Lines;
 use super::super::outbox::Outbox;
+use super::super::recognize::UTF_16;
 use super::super::rows::{shown, without_mark};
 use super::super::{Input, Place, SourceError};
 use super::layout::{Column, Mapping};
@@ -149,6 +150,9 @@ impl Table {
     /// The first line that holds anything, as a header. Finds out what divides the columns.
     pub fn header(&mut self) -> Result<Header, SourceError> {
         while let Some(line) = self.lines.next_line()? {
+            if line.starts_with(b"\xFF\xFE") || line.starts_with(b"\xFE\xFF") {
+                return Err(self.lines.error(UTF_16));
+            }
             let line = without_mark(line);
             if is_blank(line) {
                 continue;

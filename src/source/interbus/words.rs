@@ -3,6 +3,10 @@
 use super::super::can::hex::digit;
 use super::layout::{Layout, Order, Radix};
 
+/// The base, and what may stand before it: nothing, or a type.
+const MARK: &[u8] = b"16#";
+const KINDS: [&[u8]; 7] = [b"", b"B#", b"W#", b"DW#", b"BYTE#", b"WORD#", b"DWORD#"];
+
 /// How words are to be read.
 #[derive(Clone, Copy, Debug)]
 pub struct Words {
@@ -19,6 +23,11 @@ impl Words {
             word_order: layout.word_order,
             byte_order: layout.byte_order,
         }
+    }
+
+    /// The same words in another radix.
+    pub fn in_radix(self, radix: Radix) -> Self {
+        Words { radix, ..self }
     }
 
     /// A word of 32 bits in one cell.
@@ -41,6 +50,11 @@ impl Words {
     /// A byte.
     pub fn byte(&self, cell: &[u8]) -> Option<u8> {
         Some(number(cell, self.radix, 8)? as u8)
+    }
+
+    /// Whether a cell is a word in either radix.
+    pub fn is_word(&self, cell: &[u8]) -> bool {
+        [Radix::Hex, Radix::Decimal].iter().any(|radix| number(cell, *radix, 32).is_some())
     }
 
     /// What is wrong with a cell that is no word.
@@ -76,7 +90,7 @@ pub fn number(cell: &[u8], radix: Radix, bits: u32) -> Option<u32> {
         Radix::Hex => hex(cell, bits),
         Radix::Decimal => decimal(cell, bits),
     };
-    plain.or_else(|| hex(marked(cell)?, bits))
+    plain.or_else(|| marked(cell, bits))
 }
 
 /// Whether a cell can only be hex: it is marked so, filled up with zeros, or has a digit above 9.
@@ -100,19 +114,28 @@ fn without_zeros(cell: &[u8]) -> &[u8] {
     &cell[zeros.min(cell.len().saturating_sub(1))..]
 }
 
-/// The digits of what is marked as hex: `0xC200`, `C200h`, `16#C200`, and `DW#16#C200` of Step 7.
-fn marked(cell: &[u8]) -> Option<&[u8]> {
-    let behind = |mark: &[u8]| {
-        let at = cell.windows(mark.len()).position(|part| part == mark)?;
-        Some((&cell[..at], &cell[at + mark.len()..]))
-    };
-    if let Some((kind, digits)) = behind(b"16#") {
-        return matches!(kind, b"" | b"W#" | b"DW#" | b"B#").then_some(digits);
+/// What is marked as hex: `0xC200`, `C200h`, and in the notation of IEC 61131-3 and S7 `16#C200`,
+/// `W#16#C200`, `DW#16#C200_1388`, in capitals or not.
+fn marked(cell: &[u8], bits: u32) -> Option<u32> {
+    let at = cell.windows(MARK.len()).position(|part| part == MARK);
+    if let Some((kind, digits)) = at.map(|at| (&cell[..at], &cell[at + MARK.len()..])) {
+        let is_one = KINDS.iter().any(|known| known.eq_ignore_ascii_case(kind));
+        return Some(digits).filter(|_| is_one).and_then(|digits| grouped(digits, bits));
     }
     if let [b'0', b'x' | b'X', digits @ ..] = cell {
-        return Some(digits);
+        return hex(digits, bits);
     }
-    cell.strip_suffix(b"h").or_else(|| cell.strip_suffix(b"H"))
+    hex(cell.strip_suffix(b"h").or_else(|| cell.strip_suffix(b"H"))?, bits)
+}
+
+/// Digits that may be in groups, with an underscore between two of them.
+fn grouped(digits: &[u8], bits: u32) -> Option<u32> {
+    if !digits.contains(&b'_') {
+        return hex(digits, bits);
+    }
+    let is_whole = digits.split(|byte| *byte == b'_').all(|group| !group.is_empty());
+    let plain: Vec<u8> = digits.iter().copied().filter(|byte| *byte != b'_').collect();
+    hex(&plain, bits).filter(|_| is_whole)
 }
 
 /// Controllers have signed words: -1 is all ones.
@@ -132,6 +155,14 @@ mod tests {
             assert_eq!(number(text.as_bytes(), Radix::Hex, 32), Some(0xC200_1388), "{text}");
         }
         assert_eq!(number(b"DW#16#C2001388", Radix::Decimal, 32), Some(0xC200_1388));
+        // S7-SCL's notation of constants: DW#16#0000_0000, dword#...
+        for text in ["DW#16#C200_1388", "dw#16#c2001388", "DWORD#16#C200_1388", "16#C200_1388"] {
+            assert_eq!(number(text.as_bytes(), Radix::Hex, 32), Some(0xC200_1388), "{text}");
+        }
+        assert_eq!(number(b"W#16#1388", Radix::Hex, 16), Some(0x1388));
+        for wrong in ["DW#16#_C2001388", "16#C2__00", "16#", "W#16#1_1388", "X#16#1388"] {
+            assert_eq!(number(wrong.as_bytes(), Radix::Hex, 16), None, "{wrong}");
+        }
         assert_eq!(number(b"0000C200", Radix::Hex, 16), Some(0xC200));
         for wrong in ["", "C20013880", "0x", "h", "-1", "G", "X#16#1", "3254784904"] {
             assert_eq!(number(wrong.as_bytes(), Radix::Hex, 32), None, "{wrong}");

@@ -244,7 +244,7 @@ pub static NO_ACKNOWLEDGE: Code = Code {
     is_cause: false,
     meaning: "A service is not acknowledged in time: the program waits, and nothing is read or written.",
     rule: "The device acknowledges a service by IN's service bit (LA-66 manual §4, step 3). The manual has no limit: 1 s is taken, another by --limit no-acknowledge=MS.",
-    evidence: "From the first row with the request to the first row past the limit without IN's service bit, less both stamps' ±. In a log that skips states, 8 rows in a row must show it and services must be rare (1 row in 20), as rows may show several handshakes at the same place. Without times it is withheld.",
+    evidence: "From the first row with the request to the first row past the limit without IN's service bit, less both stamps' ±. In a log that skips states, 8 rows in a row must show it and services must be rare (1 row in 20), as rows may show several handshakes at the same place. Without times it is withheld; and where times are numbers, rows all more than 250 ms apart and yet with handshakes, it takes 4000 rows: --time-unit may be wrong.",
     causes: &[
         "the service, or its direction, does not exist in the device",
         "OUT does not reach the device: wrong address, or the segment is switched off",
@@ -270,7 +270,7 @@ pub static NO_RELEASE: Code = Code {
     is_cause: false,
     meaning: "The request was withdrawn, and the device still acknowledges it: IN tells no position.",
     rule: "The device detects the end of a request, resets its service bit and tells the position again (LA-66 manual §4, step 5). The manual has no limit: 1 s is taken, another by --limit no-release=MS.",
-    evidence: "From the first row with OUT's service bit gone to the first row past the limit that still has IN's, less both stamps' ±. In a log that skips states, 8 rows in a row must show it and services must be rare (1 row in 20).",
+    evidence: "From the first row with OUT's service bit gone to the first row past the limit that still has IN's, less both stamps' ±. In a log that skips states, 8 rows in a row must show it and services must be rare (1 row in 20). Where times are numbers and rows all more than 250 ms apart, it takes 4000 rows, and is withheld until then: --time-unit may be wrong.",
     causes: &[
         "OUT does not reach the device any more: the ring stopped, or the segment is switched off",
         "OUT is written by two programs",
@@ -387,7 +387,7 @@ pub static REPEATED_WRITE: Code = Code {
     is_cause: false,
     meaning: "The same value is written again and again: the EEPROM that keeps it wears out.",
     rule: "Parameters are saved permanently in an EEPROM (LA-66 manual §3); EEPROMs of this kind last some 100 000 writes, the manual has no number.",
-    evidence: "Ten acknowledged writes of one value to one service within 60 s; told once, until it pauses. A log that skips handshakes shows fewer than there are.",
+    evidence: "Ten acknowledged writes of one value to one service within 60 s; told once, until it pauses. A log that skips handshakes shows fewer than there are. Where times are numbers and rows closer than bus cycles, it is withheld.",
     causes: &[
         "the program writes parameters in every cycle, or at every start of a sequence",
         "the program does not see the acknowledgement and tries again",

@@ -168,7 +168,8 @@ impl Known {
         judgement.find(written);
         if self.writes.add(service.number, data, now.at) {
             let finding = Finding::new(&codes::REPEATED_WRITE).actual(i64::from(data));
-            judgement.find(finding.limit(i64::from(service.number)));
+            let finding = finding.limit(i64::from(service.number));
+            judgement.find_if(self.pace.is_trusted_close(), finding);
         }
         if service.number != PRESET {
             self.was_moved = true;

@@ -7,6 +7,7 @@ use crate::interbus::codes;
 use crate::interbus::handshake::State;
 use crate::interbus::judge::{Asked, Judgement};
 use crate::interbus::word::{Access, Word};
+use core::mem::replace;
 
 /// Rows that show a state without a break before a time limit is judged in a log that skips
 /// states: less may be several handshakes, each seen at the same place.
@@ -58,7 +59,7 @@ impl Known {
         match &mut self.request {
             Some(request) if is_one => {
                 request.word = out;
-                if !core::mem::replace(&mut request.is_changed, true) {
+                if !replace(&mut request.is_changed, true) {
                     judgement.find(Finding::new(&codes::REQUEST_CHANGED));
                 }
                 if !request.is_answered {
@@ -93,6 +94,7 @@ impl Known {
             is_changed: false,
             is_answered: false,
             is_told_late: false,
+            is_withheld: false,
             told,
         });
     }
@@ -110,8 +112,13 @@ impl Known {
     pub(super) fn watch_time(&mut self, state: State, now: &Now<'_>, judgement: &mut Judgement) {
         let is_asking = self.out.is_some_and(Word::has_service_bit);
         if state == State::Release {
-            let fresh =
-                Release { at: now.at, uncertainty: now.uncertainty, rows: 0, is_told: false };
+            let fresh = Release {
+                at: now.at,
+                uncertainty: now.uncertainty,
+                rows: 0,
+                is_told: false,
+                is_withheld: false,
+            };
             let mut release = self.release.unwrap_or(fresh);
             release.rows = release.rows.saturating_add(1);
             let limit = now.settings.no_release_ns;
@@ -119,8 +126,11 @@ impl Known {
             if let Some(ns) =
                 late.filter(|_| !release.is_told && self.is_seen(release.rows, limit, now))
             {
-                release.is_told = true;
-                judgement.find(Finding::new(&codes::NO_RELEASE).actual(ns).limit(limit));
+                let finding = Finding::new(&codes::NO_RELEASE).actual(ns).limit(limit);
+                release.is_told = self.pace.has_passed(release.rows, limit);
+                if release.is_told || !replace(&mut release.is_withheld, true) {
+                    judgement.find_if(release.is_told, finding);
+                }
             }
             self.release = Some(release);
         } else if self.release.is_some() {
@@ -135,8 +145,11 @@ impl Known {
         if let Some(ns) =
             late.filter(|_| !request.is_told_late && self.is_seen(request.rows, limit, now))
         {
-            request.is_told_late = true;
-            judgement.find(Finding::new(&codes::NO_ACKNOWLEDGE).actual(ns).limit(limit));
+            let finding = Finding::new(&codes::NO_ACKNOWLEDGE).actual(ns).limit(limit);
+            request.is_told_late = self.pace.has_passed(request.rows, limit);
+            if request.is_told_late || !replace(&mut request.is_withheld, true) {
+                judgement.find_if(request.is_told_late, finding);
+            }
         }
         self.request = Some(request);
     }
@@ -144,7 +157,7 @@ impl Known {
     /// Whether so many rows of one state are one state: a coarse log may show several handshakes
     /// at the same place each.
     fn is_seen(&self, rows: u32, limit: i64, now: &Now<'_>) -> bool {
-        let is_close = !self.grain.has_skipped() && self.shortest <= limit / 4;
+        let is_close = !self.grain.has_skipped() && self.pace.shortest() <= limit / 4;
         let is_long = self.is_rare && rows >= IN_A_ROW;
         now.is_fine || (self.has_rested && (is_close || is_long))
     }

@@ -9,6 +9,7 @@ use super::axis::Axis;
 use super::codes;
 use super::handshake::{Grain, State};
 use super::judge::{Asked, Judgement};
+use super::pace::Pace;
 use super::row::Row;
 use super::service::{LENGTH, PRESET};
 use super::word::{Access, Word};
@@ -17,6 +18,7 @@ use crate::event::Moment;
 use crate::finding::Finding;
 use crate::motion::Jump;
 use crate::record::Turn;
+use alloc::string::String;
 
 /// Services are rare where not more than one row in so many shows any: then rows in a row with the
 /// same request are one request.
@@ -82,6 +84,7 @@ struct Request {
     is_changed: bool,
     is_answered: bool,
     is_told_late: bool,
+    is_withheld: bool,
     /// What was told of what it asks for.
     told: Asked,
 }
@@ -107,6 +110,7 @@ struct Release {
     uncertainty: u32,
     rows: u32,
     is_told: bool,
+    is_withheld: bool,
 }
 
 /// One device.
@@ -119,8 +123,8 @@ pub struct Known {
     input: Option<Word>,
     /// The state of the last row that had both words.
     state: Option<State>,
-    /// The shortest time between two rows in ns, and the last one.
-    shortest: i64,
+    pace: Pace,
+    /// The last time between two rows in ns.
     spacing: Option<i64>,
     grain: Grain,
     /// Rows, and those of them that show a service going on.
@@ -161,7 +165,7 @@ impl Known {
             out: None,
             input: None,
             state: None,
-            shortest: i64::MAX,
+            pace: Pace::default(),
             spacing: None,
             grain: Grain::default(),
             rows: 0,
@@ -189,6 +193,11 @@ impl Known {
         &self.grain
     }
 
+    /// What makes no sense about the times of its rows.
+    pub fn complaint(&self) -> Option<String> {
+        self.pace.complaint(self.busy > 0)
+    }
+
     /// The rod's length in µm and in steps, where both are known.
     pub fn resolution(&self) -> Option<(u32, u32)> {
         self.length_um.zip(self.values[usize::from(LENGTH)]).filter(|(_, steps)| *steps > 0)
@@ -213,7 +222,7 @@ impl Known {
         row: &Row,
         (out, input): (Option<Word>, Option<Word>),
         n: u64,
-        settings: &Settings,
+        (settings, is_unit_guessed): (&Settings, bool),
         judgement: &mut Judgement,
     ) -> (Told, Option<Jump>) {
         let mut apart = row.start.since(self.at);
@@ -222,17 +231,19 @@ impl Known {
             apart = None;
         }
         self.at = row.start;
-        if let Some(ns) = apart.filter(|ns| *ns > 0) {
-            self.shortest = self.shortest.min(ns);
+        if let Some(ns) = apart {
+            let doubt = 2 * i64::from(row.uncertainty);
+            self.pace.add(ns, doubt, is_unit_guessed && !is_date(row.start));
         }
         let is_whole = out.is_some() && input.is_some();
         let is_gap = apart.zip(self.spacing).is_some_and(|(ns, last)| ns / GAP > last);
         self.spacing = apart.filter(|ns| *ns > 0).or(self.spacing);
+        let close = apart.filter(|_| self.pace.is_trusted_close());
         let now = Now {
             at: row.start,
             uncertainty: row.uncertainty,
             n,
-            is_fine: settings.every_cycle || (is_whole && !is_gap && self.grain.is_fine(apart)),
+            is_fine: settings.every_cycle || (is_whole && !is_gap && self.grain.is_fine(close)),
             is_paired: settings.every_cycle || is_whole,
             has_input: input.is_some(),
             settings,
@@ -284,7 +295,7 @@ impl Known {
                 None
             }
         };
-        let jump = jump.filter(|jump| self.can_tell(jump, apart, &now, judgement));
+        let jump = jump.filter(|jump| self.can_tell(jump, close, &now, judgement));
         (told, jump)
     }
 
@@ -317,6 +328,11 @@ impl Known {
         }
         can_tell
     }
+}
+
+/// Whether this can only be seconds since the epoch, be it a bare number: it is after 2000.
+fn is_date(at: Moment) -> bool {
+    at.ns().is_some_and(|ns| ns > 946_684_800_000_000_000)
 }
 
 /// Whether this IN is what a device in order answers to this OUT.

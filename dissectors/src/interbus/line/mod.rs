@@ -170,6 +170,11 @@ impl Line {
         self.wires.iter().filter_map(|wire| wire.found.as_ref())
     }
 
+    /// Level changes on wires that carry something else.
+    pub fn strange(&self) -> u64 {
+        self.wires.iter().map(Wire::strange).sum()
+    }
+
     /// What was found out, with the evidence.
     pub fn conclusions(&self) -> Vec<Conclusion> {
         account::conclusions(self)

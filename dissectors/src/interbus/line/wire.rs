@@ -76,6 +76,7 @@ enum Stage {
     /// It is not what it was said to be.
     Deaf {
         until: u64,
+        edges: u64,
     },
 }
 
@@ -108,8 +109,9 @@ impl Wire {
                     () => Pace::Fine,
                 }
             }
-            Stage::Deaf { until } => {
+            Stage::Deaf { until, edges } => {
                 *until = (*until).max(levels.until);
+                *edges += levels.edges.len() as u64;
                 Pace::Fine
             }
             Stage::Receiving { .. } => {
@@ -122,6 +124,14 @@ impl Wire {
     /// Whether it is not known yet how it is set up, though levels were heard.
     pub fn is_finding(&self) -> bool {
         matches!(&self.stage, Stage::Finding(held) if !held.ticks.is_empty())
+    }
+
+    /// Level changes of which no telegrams could be made.
+    pub fn strange(&self) -> u64 {
+        match self.stage {
+            Stage::Deaf { edges, .. } => edges,
+            _ => 0,
+        }
     }
 
     /// Finds out how it is set up, and receives what was held.
@@ -145,7 +155,7 @@ impl Wire {
         let held = core::mem::take(held);
         self.found = found;
         let Some(found) = self.found else {
-            self.stage = Stage::Deaf { until: held.until };
+            self.stage = Stage::Deaf { until: held.until, edges: held.ticks.len() as u64 };
             return;
         };
         self.begin(&found, found.check, given.check_length);

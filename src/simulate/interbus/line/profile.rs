@@ -174,7 +174,7 @@ impl Profile {
     /// # Errors
     /// It is none.
     pub fn parse(text: &str) -> Result<Profile> {
-        let profile: Profile = toml::from_str(text).context("not a profile of a line")?;
+        let profile: Profile = crate::config::parse(text).context("not a profile of a line")?;
         let [first, second, third] = profile.flag_order;
         ensure!(
             first != second && second != third && first != third,
