@@ -56,7 +56,7 @@ impl Tap {
         Tap { bus, words: Words::default(), records: 0, baud, now: 1e9 }
     }
 
-    /// Hears hex bytes; `12*` has a parity error, `00#` no stop bit, `+250` is a pause in µs, and so
+    /// Hears hex bytes; `12*` has a parity error, `12^` may have one, `00#` no stop bit, `+250` is a pause in µs, and so
     /// is `~250`, which is told to the bus when half of it is over.
     fn hear(mut self, text: &str) -> Self {
         let character_ns = 11e9 / f64::from(self.baud);
@@ -72,7 +72,11 @@ impl Tap {
                 continue;
             }
             let byte = u16::from_str_radix(&token[..2], 16).expect("a byte has two hex digits");
-            let parity = if token.ends_with('*') { Parity::Error } else { Parity::Ok };
+            let parity = match token.chars().last() {
+                Some('*') => Parity::Error,
+                Some('^') => Parity::Suspect,
+                _ => Parity::Ok,
+            };
             let mut character = Character::new(Moment::from_ns(self.now as i64), 100, byte, parity);
             if token.ends_with('#') {
                 character = character.with_framing_error();
@@ -263,6 +267,21 @@ fn a_wrong_footer_in_time_is_the_asked_stations() {
             "10 response 0 at 5 to 9",
         ],
     );
+}
+
+/// An adapter that marks whole packets marked one: 80h was sent, or another footer.
+#[test]
+fn addresses_that_differ_where_either_may_be_damaged_are_not_judged() {
+    for (text, judged) in [
+        ("81^ +250 64 E8 +1000", "?slin.address-mismatch"),
+        ("81 +250 64 E8^ +1000", "?slin.address-mismatch"),
+        ("81 +250 64^ E8 +1000", "slin.address-mismatch"),
+    ] {
+        let last = format!("6 response 0 at 100 to 5 {judged}");
+        let tap = Tap::new(Profile::Baumer, 115_200).hear(BOTH);
+        let told = tap.hear(text).told();
+        assert_eq!(told.last(), Some(&last), "{text}");
+    }
 }
 
 #[test]

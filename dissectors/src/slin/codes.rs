@@ -100,7 +100,7 @@ pub static ADDRESS_MISMATCH: Code = Code {
     is_cause: false,
     meaning: "The footer names another station than the request.",
     rule: "The encoder that is asked ends its answer with its own address (Baumer SLIN §3.2, TR SLIN §6).",
-    evidence: "Request and footer as received. Where the named station was silent when it was asked before, and it was heard before that or the answer is outside the window, it is slin.late-answer instead.",
+    evidence: "Request and footer as received; withheld where either is suspect. Where the named station was silent when it was asked before, and it was heard before that or the answer is outside the window, it is slin.late-answer instead.",
     causes: &[
         "interference altered the request or the footer",
         "a second master sent a request into the answer",

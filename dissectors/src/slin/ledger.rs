@@ -162,7 +162,7 @@ impl Ledger {
         self.judge_damage(exchange);
         self.verdict.judge_words(&response);
         if let Some(footer) = response.footer {
-            self.verdict.judge_address(footer, asked);
+            self.verdict.judge_address(exchange, footer, asked);
             let expected = telegram.checksum_expected.unwrap_or(footer.checksum);
             self.verdict.judge_checksum(response.data, footer, expected);
         }
