@@ -3,6 +3,7 @@
 //! A block ends where a read ended, and where a start differs from the time that a reader gives it:
 //! what is read back is what was heard, to the nanosecond.
 
+use super::steady::Steady;
 use crate::export::pcapng::{
     BlockWriter, Carries, Extras, Interface, check, clock_of, runs, unsupported,
 };
@@ -26,10 +27,12 @@ const EXACT_INTERFACES: usize = 16;
 /// Blocks that were composed together.
 #[derive(Clone, Debug)]
 pub struct Chunk {
-    /// When the first began.
+    /// When the first began, by a clock that is never set back.
     pub from: Moment,
-    /// When the last began.
+    /// When the last began, by the same clock.
     pub to: Moment,
+    /// When the first began, as the source stamped it.
+    pub stamp: Moment,
     /// Where their bytes are among those composed.
     pub bytes: Range<usize>,
 }
@@ -65,9 +68,9 @@ pub struct Bus {
     /// Frames lost just now: told with the next frame if it is of the same time.
     pending: Option<Loss>,
     comments: Vec<String>,
-    /// When the last block began.
+    /// When the last block began, as the source stamped it.
     last: Moment,
-    /// Up to here it was listened to.
+    /// Up to here it was listened to, by a clock that is never set back.
     reach: Moment,
     /// The source said up to when it listened.
     is_reach_told: bool,
@@ -83,6 +86,7 @@ pub struct Composer {
     buses: Vec<Bus>,
     /// The bus of each number of the source.
     numbers: Vec<usize>,
+    steady: Steady,
     /// What the user says about serial lines, where the source does not.
     user: (Option<Baud>, Option<Format>),
 }
@@ -97,7 +101,8 @@ impl Composer {
         let heads = vec![std::mem::take(writer.out())];
         let user = (options.baud, options.frame);
         let (buses, numbers, chunks) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Composer { writer, heads, chunks, buses, numbers, user })
+        let steady = Steady::default();
+        Ok(Composer { writer, heads, chunks, buses, numbers, steady, user })
     }
 
     /// Another source begins. Buses of the same name go on.
@@ -132,15 +137,30 @@ impl Composer {
 
     /// Nothing comes after this time.
     pub fn end(&mut self, bus: usize, at: Moment) {
-        let bus = &mut self.buses[self.numbers[bus]];
-        bus.reach(at);
-        bus.is_reach_told |= at.is_known();
+        self.listened(self.numbers[bus], at);
     }
 
-    /// Up to here all buses were listened to, at the latest.
+    /// The source says up to when it listened.
+    fn listened(&mut self, index: usize, until: Moment) {
+        let bus = &mut self.buses[index];
+        bus.reach(self.steady.reach(until, bus.reach));
+        bus.is_reach_told |= until.is_known();
+    }
+
+    /// Up to here all buses were listened to, at the latest, by a clock that is never set back.
     pub fn reach(&self) -> Moment {
         let latest = self.buses.iter().filter_map(|bus| bus.reach.ns()).max();
         latest.map_or(Moment::UNKNOWN, Moment::from_ns)
+    }
+
+    /// The same, as the source stamps it.
+    pub fn stamp(&self) -> Moment {
+        self.steady.stamp(self.reach())
+    }
+
+    /// When it was that the source called `stamp` a while ago, by a clock that is never set back.
+    pub fn time_of(&self, stamp: Moment) -> Moment {
+        self.steady.of(stamp)
     }
 
     /// Takes what was heard. Its blocks are among the chunks from then on.
@@ -156,9 +176,7 @@ impl Composer {
             Event::Lost(loss) => self.lost(bus, loss),
             Event::Advance(until) => {
                 self.settle(bus)?;
-                let bus = &mut self.buses[bus];
-                bus.reach(until);
-                bus.is_reach_told |= until.is_known();
+                self.listened(bus, until);
                 Ok(())
             }
             Event::Levels(_) => Err(unsupported(
@@ -329,8 +347,11 @@ impl Composer {
     fn composed(&mut self, index: usize, begin: usize, from: Moment, to: Moment) {
         let end = self.writer.out().len();
         let bus = &mut self.buses[index];
-        bus.reach(to);
         bus.last = to;
+        let stamp = from;
+        let from = self.steady.reach(stamp, bus.reach);
+        let to = to.since(stamp).map_or(from, |span| from.plus(span));
+        bus.reach(to);
         match self.chunks.last_mut() {
             Some(chunk)
                 if to.since(chunk.from).is_some_and(|span| (0..LONGEST_CHUNK).contains(&span)) =>
@@ -338,7 +359,7 @@ impl Composer {
                 chunk.bytes.end = end;
                 chunk.to = if to.is_after(chunk.to) { to } else { chunk.to };
             }
-            _ => self.chunks.push(Chunk { from, to, bytes: begin..end }),
+            _ => self.chunks.push(Chunk { from, to, stamp, bytes: begin..end }),
         }
     }
 
@@ -358,8 +379,8 @@ impl Composer {
         *self.writer.out() = composed.bytes;
     }
 
-    /// The blocks that a file ends with, in which nothing is after `limit`: when each bus was last
-    /// listened to. To be asked for where nothing is composed.
+    /// The blocks that a file ends with, in which nothing is after `limit`, by a clock that is never
+    /// set back: when each bus was last listened to. To be asked for where nothing is composed.
     pub fn ends(&mut self, limit: Option<Moment>) -> Vec<u8> {
         self.heads_and_ends().1(limit.unwrap_or(Moment::from_ns(i64::MAX)))
     }
@@ -367,12 +388,12 @@ impl Composer {
     /// What a file must begin with (the section's header, then the interfaces in order), and what
     /// makes the blocks it ends with.
     pub fn heads_and_ends(&mut self) -> (&[Vec<u8>], impl FnMut(Moment) -> Vec<u8>) {
-        let Composer { heads, buses, writer, .. } = self;
+        let Composer { heads, buses, writer, steady, .. } = self;
         let ends = |limit: Moment| {
             for bus in buses.iter_mut() {
                 let Some((_, interface)) = bus.interfaces.first() else { continue };
                 let is_limited = bus.reach.is_after(limit);
-                let end = if is_limited { limit } else { bus.reach };
+                let end = steady.stamp(if is_limited { limit } else { bus.reach });
                 // What the source does not tell is not known to whoever reads the file either.
                 let told = (is_limited || bus.is_reach_told).then_some(end);
                 let comments = std::mem::take(&mut bus.comments);

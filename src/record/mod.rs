@@ -9,6 +9,7 @@ mod files;
 mod flight;
 mod names;
 mod ring;
+mod steady;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -22,7 +23,7 @@ pub use trigger::{Trigger, Watch, Watcher};
 
 use crate::source::{Piece, SourceOptions};
 use composer::{Bus, Chunk, Composer};
-use dissectors::event::{Event, Moment};
+use dissectors::event::Event;
 use flight::Flight;
 use std::io;
 use std::path::Path;
@@ -111,11 +112,11 @@ impl Recorder {
                 Piece::End(bus, at) => copy.end(*bus, *at),
                 Piece::Comment(..) | Piece::Warning(_) | Piece::Note(_) => return Ok(()),
             }
-            events.watch.decode(copy, self.composer.reach());
+            events.watch.decode(copy, self.composer.stamp());
         }
         self.heed()?;
         // Silence ends files, too.
-        let reach = self.composer.reach();
+        let reach = self.composer.stamp();
         if self.events.is_none()
             && matches!(piece, Piece::Heard(_, Event::Advance(_)))
             && self.files.is_full_for(reach, 0)
@@ -143,10 +144,10 @@ impl Recorder {
             events.flight.hold(chunk, bytes);
             return events.flight.write(heads, &mut ends, files);
         }
-        if files.is_full_for(chunk.from, bytes.len()) {
+        if files.is_full_for(chunk.stamp, bytes.len()) {
             files.finish(&ends(chunk.from))?;
         }
-        files.write(chunk.from, bytes, heads)
+        files.write(chunk.stamp, bytes, heads)
     }
 
     /// Heeds what the watch has to say.
@@ -159,15 +160,16 @@ impl Recorder {
 
     fn heed_one(&mut self, told: Told) -> Result<(), RecordError> {
         let Some(events) = &mut self.events else { return Ok(()) };
-        let reach = self.composer.reach();
+        let (Told::Event(stamp) | Told::Decoded(stamp)) = told;
+        let at = self.composer.time_of(stamp);
+        let at = if at.is_known() { at } else { self.composer.reach() };
         let (heads, mut ends) = self.composer.heads_and_ends();
         match told {
-            Told::Event(at) => {
+            Told::Event(_) => {
                 events.count += 1;
-                let at = if at.is_known() { at } else { reach };
                 events.flight.event(at, heads, &mut ends, &mut self.files)?;
             }
-            Told::Decoded(now) => events.flight.decoded(now, &mut ends, &mut self.files)?,
+            Told::Decoded(_) => events.flight.decoded(at, &mut ends, &mut self.files)?,
         }
         Ok(())
     }
@@ -194,7 +196,7 @@ impl Recorder {
             if !self.files.is_open() && self.files.finished == 0 {
                 // Nothing was heard, and this is what the file says.
                 self.composer.describe_silent()?;
-                let begin = self.composer.reach();
+                let begin = self.composer.stamp();
                 self.files.write(begin, &[], self.composer.heads_and_ends().0)?;
             }
             self.finish_file()?;
@@ -237,10 +239,5 @@ impl Recorder {
     /// Where the files are.
     pub fn directory(&self) -> &Path {
         self.files.directory()
-    }
-
-    /// Up to when was listened.
-    pub fn reach(&self) -> Moment {
-        self.composer.reach()
     }
 }

@@ -6,7 +6,7 @@ use crate::pipeline::{Consumer, Pipeline};
 use crate::source::{self, Outbox, Reader, Reading, Source, SourceError};
 use dissectors::bus::WireFacts;
 use dissectors::can::{Direction, Frame, Identifier};
-use dissectors::event::{Break, Clock, Loss, LossCause};
+use dissectors::event::{Break, Clock, Loss, LossCause, Moment};
 use dissectors::protocol::{Medium, Settings};
 use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::uart::{Baud, Character, Format, Parity, ParityMarks};

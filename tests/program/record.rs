@@ -187,6 +187,46 @@ fn a_flight_recorder_keeps_what_surrounds_events() {
     }
 }
 
+/// A minute of exchanges, ten a second. Before this one, the clock is set back by an hour.
+const SET_BACK: u64 = 200;
+
+/// Its capture, with a parity error in these exchanges.
+fn set_back(bad: &[u64]) -> String {
+    const BEGIN: u64 = 1_795_335_300_000_000_000;
+    let mut text = "time,byte,parity\n".to_owned();
+    for n in 0..600 {
+        let behind = if n < SET_BACK { 0 } else { 3_600_000_000_000 };
+        let parity = if bad.contains(&n) { "error" } else { "ok" };
+        text += &exchange(BEGIN + n * 100_000_000 - behind, parity);
+    }
+    text
+}
+
+#[test]
+fn a_clock_that_is_set_back_costs_a_flight_recorder_nothing() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    // One whose surroundings are on both sides of it, and one behind.
+    let capture = set_back(&[195, 400]);
+    let arguments = ["record", "-", "--baud", "115200", "--trigger", "slin.parity"];
+    let window = ["--before", "3s", "--after", "2s", "-w", argument(&directory)];
+    let run = fieldtap_fed(arguments.into_iter().chain(window), capture.as_bytes()).good();
+    assert!(run.stderr.contains("2 events") && run.stderr.contains("in 2 files"), "{}", run.stderr);
+    let files = files(&directory);
+    // The later one bears the earlier time.
+    for file in [&files[1], &files[0]] {
+        let records = read(std::slice::from_ref(file)).good().records();
+        // Five seconds of ten exchanges of two records; blocks of 0.1 s are kept or not as a whole.
+        assert!((98..=108).contains(&records.len()), "{}", records.len());
+        let found = records.iter().flat_map(codes).filter(|code| code == "slin.parity");
+        assert_eq!(found.count(), 1);
+    }
+    let begin = |file: &Path| file.file_name().map(|name| name.to_string_lossy().into_owned());
+    // 16.5 s and 37 s after 08:15:00, less an hour.
+    assert_eq!(begin(&files[1]).as_deref(), Some("fieldtap-20261122T081516Z-0001.pcapng"));
+    assert_eq!(begin(&files[0]).as_deref(), Some("fieldtap-20261122T071537Z-0002.pcapng"));
+}
+
 #[test]
 fn an_event_at_the_very_end_is_kept_and_none_leaves_nothing() {
     for (bad, count) in [(&[89_u64][..], 1), (&[], 0)] {
