@@ -119,10 +119,10 @@ impl Flight {
         while self.held.front().is_some_and(|held| !held.from.is_after(until)) {
             let Some(held) = self.held.pop_front() else { break };
             self.bytes -= held.bytes.len();
-            if files.is_full_for(held.stamp, held.bytes.len()) {
+            if files.is_full_for(held.from, held.bytes.len()) {
                 files.finish(&ends(held.from))?;
             }
-            files.write(held.stamp, &held.bytes, heads)?;
+            files.write(held.from, held.stamp, &held.bytes, heads)?;
         }
         Ok(())
     }

@@ -116,7 +116,7 @@ impl Recorder {
         }
         self.heed()?;
         // Silence ends files, too.
-        let reach = self.composer.stamp();
+        let reach = self.composer.reach();
         if self.events.is_none()
             && matches!(piece, Piece::Heard(_, Event::Advance(_)))
             && self.files.is_full_for(reach, 0)
@@ -144,10 +144,10 @@ impl Recorder {
             events.flight.hold(chunk, bytes);
             return events.flight.write(heads, &mut ends, files);
         }
-        if files.is_full_for(chunk.stamp, bytes.len()) {
+        if files.is_full_for(chunk.from, bytes.len()) {
             files.finish(&ends(chunk.from))?;
         }
-        files.write(chunk.stamp, bytes, heads)
+        files.write(chunk.from, chunk.stamp, bytes, heads)
     }
 
     /// Heeds what the watch has to say.
@@ -196,8 +196,8 @@ impl Recorder {
             if !self.files.is_open() && self.files.finished == 0 {
                 // Nothing was heard, and this is what the file says.
                 self.composer.describe_silent()?;
-                let begin = self.composer.stamp();
-                self.files.write(begin, &[], self.composer.heads_and_ends().0)?;
+                let (begin, stamp) = (self.composer.reach(), self.composer.stamp());
+                self.files.write(begin, stamp, &[], self.composer.heads_and_ends().0)?;
             }
             self.finish_file()?;
             return Ok(None);

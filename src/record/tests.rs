@@ -168,6 +168,35 @@ fn files_of_a_ring_are_one_stream() {
     assert!(compare(serial, "size=5k").1 > 4);
 }
 
+/// The same tap on a machine whose clock is set back by a year after 3.2 s.
+fn set_back() -> Vec<Delivery> {
+    const YEAR: i64 = 31_536_000_000_000_000;
+    let mut script = serial();
+    script.truncate(1);
+    for read in 0..400_i64 {
+        script.push(Box::new(move |out| {
+            let behind = if read < 200 { 0 } else { YEAR };
+            let at = Moment::from_ns(BEGIN + read * 16_000_000 - behind);
+            out.characters(0, [Character::new(at, 16_000_000, 0x80, Parity::Ok).interpolated()]);
+            out.silence(0, at.plus(8_000_000));
+        }));
+    }
+    script
+}
+
+#[test]
+fn files_of_a_ring_end_though_the_clock_is_set_back() {
+    let directory = tempfile::tempdir().unwrap();
+    let tap = || Box::new(Reading::new(Script(set_back()))) as Box<dyn Source>;
+    let mut files = record(tap(), directory.path(), "duration=1s");
+    // As with a clock that goes on: every 63 reads of 16 ms, of 400.
+    assert_eq!(files.len(), 7);
+    files.sort_by_key(|file| file.to_string_lossy().rsplit_once('-').unwrap().1.to_owned());
+    let options = SourceOptions::default();
+    let saved = json_of(files.iter().map(|f| source::open(f.to_str().unwrap(), &options).unwrap()));
+    assert_eq!(saved, json_of([tap()]));
+}
+
 /// A CAN tap: frames of a poll, both directions, losses with and without a frame behind them.
 fn can() -> Vec<Delivery> {
     let info = BusInfo::new("can0", Some(Clock::Kernel));
