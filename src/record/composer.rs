@@ -5,7 +5,7 @@
 
 use super::steady::Steady;
 use crate::export::pcapng::{
-    BlockWriter, Carries, Extras, Interface, check, clock_of, runs, unsupported,
+    BlockWriter, Carries, Extras, Interface, clock_of, marks_for, runs, unsupported,
 };
 use crate::source::SourceOptions;
 use dissectors::bus::{LineCounts, WireFacts};
@@ -13,7 +13,7 @@ use dissectors::can::{Frame, FrameKind};
 use dissectors::event::{Break, Event, Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
-use dissectors::uart::{Baud, Character, Format, Wire};
+use dissectors::uart::{Baud, Character, Format, ParityMarks, Wire};
 use std::io;
 use std::ops::Range;
 
@@ -63,8 +63,8 @@ pub struct Bus {
     pub lost: [u64; 2],
     facts: WireFacts,
     medium: Option<Medium>,
-    /// ± of stamps, and the number of the interface for these.
-    interfaces: Vec<(u32, u32)>,
+    /// What they can tell, and their numbers.
+    interfaces: Vec<(Terms, u32)>,
     /// Frames lost just now: told with the next frame if it is of the same time.
     pending: Option<Loss>,
     comments: Vec<String>,
@@ -74,6 +74,14 @@ pub struct Bus {
     reach: Moment,
     /// The source said up to when it listened.
     is_reach_told: bool,
+}
+
+/// What an interface tells of all that is heard on it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Terms {
+    /// ± of stamps, in ns.
+    uncertainty: u32,
+    parity: ParityMarks,
 }
 
 /// Composes blocks.
@@ -193,10 +201,15 @@ impl Composer {
     }
 
     fn characters(&mut self, index: usize, characters: &[Character]) -> io::Result<()> {
-        check(characters, &self.buses[index].info)?;
         let wire = self.buses[index].wire();
-        for alike in characters.chunk_by(|a, b| a.uncertainty == b.uncertainty) {
-            let interface = self.interface(index, Medium::Serial, alike[0].uncertainty)?;
+        // One odd character, or another adapter of the same name, does not end a recording.
+        let told = self.buses[index].info.parity;
+        let terms = |character: &Character| {
+            let parity = marks_for(character, told);
+            Terms { uncertainty: character.uncertainty, parity }
+        };
+        for alike in characters.chunk_by(|a, b| terms(a) == terms(b)) {
+            let interface = self.interface(index, Medium::Serial, terms(&alike[0]))?;
             for run in runs(alike, wire, 0) {
                 let (from, to) = (run[0].start, run[run.len() - 1].start);
                 let extras = Extras::comments(self.comments(index));
@@ -214,7 +227,7 @@ impl Composer {
 
     fn frames(&mut self, index: usize, frames: &[Frame]) -> io::Result<()> {
         for frame in frames {
-            let interface = self.interface(index, Medium::Can, frame.uncertainty)?;
+            let interface = self.usual_interface(index, Medium::Can, frame.uncertainty)?;
             let is_its = |loss: &mut Loss| loss.start == frame.start;
             let lost = self.buses[index].pending.take_if(is_its);
             if lost.is_none() {
@@ -233,7 +246,7 @@ impl Composer {
     }
 
     fn line_break(&mut self, index: usize, event: Break) -> io::Result<()> {
-        let interface = self.interface(index, Medium::Serial, event.uncertainty)?;
+        let interface = self.usual_interface(index, Medium::Serial, event.uncertainty)?;
         let extras = Extras::comments(self.comments(index));
         let begin = self.writer.out().len();
         self.writer.line_break(interface, event, extras)?;
@@ -274,7 +287,7 @@ impl Composer {
         for index in 0..self.buses.len() {
             let bus = &self.buses[index];
             if let (Some(medium), Some(_), []) = (bus.medium, bus.info.clock, &*bus.interfaces) {
-                self.interface(index, medium, 0)?;
+                self.usual_interface(index, medium, 0)?;
             }
         }
         Ok(())
@@ -308,28 +321,40 @@ impl Composer {
         let bus = &self.buses[index];
         match bus.interfaces.last() {
             Some((_, number)) => Ok(*number),
-            None => self.interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
+            None => self.usual_interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
         }
     }
 
-    /// The interface of a bus for stamps of this ±, which is described if it is new.
-    fn interface(&mut self, index: usize, medium: Medium, uncertainty: u32) -> io::Result<u32> {
+    /// The interface of a bus for stamps of this ±, where parity is known as its tap told.
+    fn usual_interface(&mut self, index: usize, medium: Medium, plus: u32) -> io::Result<u32> {
+        let terms = Terms { uncertainty: plus, parity: self.buses[index].info.parity };
+        self.interface(index, medium, terms)
+    }
+
+    /// The interface of a bus for this, which is described if it is new.
+    fn interface(&mut self, index: usize, medium: Medium, terms: Terms) -> io::Result<u32> {
         let bus = &mut self.buses[index];
         let uncertainty = match bus.interfaces.len() < EXACT_INTERFACES {
-            true => uncertainty,
-            false => uncertainty.checked_next_power_of_two().unwrap_or(u32::MAX),
+            true => terms.uncertainty,
+            false => terms.uncertainty.checked_next_power_of_two().unwrap_or(u32::MAX),
         };
-        let known = bus.interfaces.iter().find(|(known, _)| *known == uncertainty);
+        let terms = Terms { uncertainty, ..terms };
+        let known = bus.interfaces.iter().find(|(known, _)| *known == terms);
         if let Some((_, number)) = known {
             return Ok(*number);
         }
+        if bus.interfaces.is_empty() && terms.parity != bus.info.parity {
+            // Whoever reads it takes the first one for what the bus tells.
+            self.usual_interface(index, medium, uncertainty)?;
+        }
+        let bus = &mut self.buses[index];
         bus.medium = bus.medium.or(Some(medium));
         let clock = clock_of(&bus.info, medium)?;
         let WireFacts { baud, format, spacing_is_assumed, .. } = bus.facts;
         let carries = match medium {
             Medium::Can => Carries::Frames,
             _ => Carries::Characters {
-                parity: bus.info.parity,
+                parity: terms.parity,
                 format,
                 // Without a rate every character is a block.
                 has_all_stamps: baud.is_none() && !spacing_is_assumed,
@@ -338,7 +363,7 @@ impl Composer {
         let begin = self.writer.out().len();
         let described = Interface { bus: &bus.info, clock, uncertainty, baud, carries };
         let number = self.writer.interface(&described)?;
-        bus.interfaces.push((uncertainty, number));
+        bus.interfaces.push((terms, number));
         self.heads.push(self.writer.out().split_off(begin));
         Ok(number)
     }

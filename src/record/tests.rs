@@ -197,6 +197,48 @@ fn files_of_a_ring_end_though_the_clock_is_set_back() {
     assert_eq!(saved, json_of([tap()]));
 }
 
+/// A tap that tells `marks`, and yet says this of single characters: bytes that cannot stand where
+/// marks are in force, and then another adapter of the same name.
+fn odd(marks: ParityMarks) -> Vec<Delivery> {
+    let info = BusInfo::new("ttyUSB0", Some(Clock::Read)).with_parity(marks);
+    let facts = WireFacts {
+        baud: Baud::new(115_200),
+        format: Some(Format::FT12),
+        medium: Some(Medium::Serial),
+        ..WireFacts::default()
+    };
+    let mut script: Vec<Delivery> = vec![Box::new(move |out| out.bus(info, facts))];
+    let said = [Parity::Unknown, Parity::Ok, Parity::Error, Parity::Suspect, Parity::Unknown];
+    for read in 0..20_i64 {
+        script.push(Box::new(move |out| {
+            let start = Moment::from_ns(BEGIN + read * 16_000_000);
+            let character = |(n, parity): (i64, &Parity)| {
+                // 11 bits at 115200 Bd are 95486.1 ns.
+                let start = start.plus((n * 11_000_000_000 + 57_600) / 115_200);
+                Character::new(start, 16_000_000, 0x1A, *parity).interpolated()
+            };
+            out.characters(0, (0..).zip(&said).map(character));
+            let start = start.plus(8_000_000);
+            let unframed = Character::new(start, 16_000_000, 0x1A, Parity::Unknown);
+            out.characters(0, [unframed.interpolated().with_framing_error()]);
+            out.silence(0, start.plus(1_000_000));
+        }));
+    }
+    script.push(Box::new(|out| out.end(0, Moment::from_ns(BEGIN + 1_000_000_000))));
+    script
+}
+
+#[test]
+fn a_tap_that_contradicts_itself() {
+    compare(|| odd(ParityMarks::None), "");
+    compare(|| odd(ParityMarks::Packet), "");
+    let (live, files) = compare(|| odd(ParityMarks::Character), "size=4k");
+    assert!(files > 1);
+    for word in ["\"unknown\"", "\"error\"", "uart.framing"] {
+        assert!(live.contains(word), "{word} is in what is compared");
+    }
+}
+
 /// A CAN tap: frames of a poll, both directions, losses with and without a frame behind them.
 fn can() -> Vec<Delivery> {
     let info = BusInfo::new("can0", Some(Clock::Kernel));
