@@ -61,6 +61,14 @@ fn start(arguments: &[&str]) -> Child {
         .expect("the program is there")
 }
 
+/// Sends each of these signals 1 ms after the one before.
+fn kill_again(child: &Child, signals: [&str; 2]) {
+    let [first, second] = signals.map(|signal| format!("kill {signal} {}", child.id()));
+    let command = format!("{first}; sleep 0.001; {second}");
+    let killed = Command::new("sh").args(["-c", &command]).status();
+    assert!(killed.expect("sh is there").success());
+}
+
 fn kill(child: &Child, signal: &str) {
     let killed = Command::new("kill").args([signal, &child.id().to_string()]).status();
     assert!(killed.expect("kill is there").success());
@@ -283,6 +291,26 @@ fn signals_end_a_recording_well() {
         let files = files(&directory);
         assert!(files.len() == 1 && is_whole(&files[0]), "{files:?}");
         assert_eq!(read(&files).good().records().len(), 2);
+        drop(stdin);
+    }
+}
+
+/// A terminal that is closed sends SIGHUP twice: the kernel's, and the shell's.
+#[test]
+fn a_terminal_that_is_closed_ends_a_recording_well() {
+    for signals in [["-HUP", "-HUP"], ["-TERM", "-HUP"]] {
+        let scratch = Scratch::new();
+        let directory = scratch.path("tape");
+        let mut child = start(&["record", "-", "--baud", "115200", "-w", argument(&directory)]);
+        let mut stdin = child.stdin.take().expect("it is piped");
+        let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+        stdin.write_all(capture.as_bytes()).expect("it reads");
+        wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+        kill_again(&child, signals);
+        let output = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(0), "{signals:?}: {told}");
+        assert!(is_whole(&files(&directory)[0]), "{signals:?}");
         drop(stdin);
     }
 }
