@@ -315,6 +315,41 @@ fn a_terminal_that_is_closed_ends_a_recording_well() {
     }
 }
 
+/// `nohup` has a program ignore SIGHUP, and a script SIGINT where it ends a command with `&`.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_ignored_does_not_end_a_recording() {
+    for (ignored, signal, end) in [("HUP", "-HUP", "-INT"), ("INT", "-INT", "-TERM")] {
+        let scratch = Scratch::new();
+        let directory = scratch.path("tape");
+        let ignoring = format!("trap '' {ignored}; exec \"$0\" \"$@\"");
+        let mut child = Command::new("sh")
+            .args(["-c", &ignoring, env!("CARGO_BIN_EXE_fieldtap"), "record", "-"])
+            .args(["--baud", "115200", "-w", argument(&directory)])
+            .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("sh is there");
+        let mut stdin = child.stdin.take().expect("it is piped");
+        let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+        stdin.write_all(capture.as_bytes()).expect("it reads");
+        let length = || std::fs::metadata(&files(&directory)[0]).map_or(0, |file| file.len());
+        wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+        wait_for("it writes", || length() > 0);
+        let before = length();
+        kill(&child, signal);
+        std::thread::sleep(Duration::from_millis(300));
+        stdin.write_all(exchange(1_000_000_000, "ok").as_bytes()).expect("it reads on");
+        wait_for("it records on", || length() > before);
+        kill(&child, end);
+        let output = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(0), "{signal}: {told}");
+        assert!(told.contains(": 8 characters;"), "{signal}: {told}");
+        drop(stdin);
+    }
+}
+
 /// A limit on the size of files is met like a full disk.
 #[test]
 fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
