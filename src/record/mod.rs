@@ -194,10 +194,14 @@ impl Recorder {
         self.keep()?;
         let Some(events) = &mut self.events else {
             if !self.files.is_open() && self.files.finished == 0 {
-                // Nothing was heard, and this is what the file says.
+                // Nothing was heard, and this is what the file says. Where there was no bus to listen
+                // to, such as a port that is not there, it has nothing to say.
                 self.composer.describe_silent()?;
                 let (begin, stamp) = (self.composer.reach(), self.composer.stamp());
-                self.files.write(begin, stamp, &[], self.composer.heads_and_ends().0)?;
+                let (heads, _) = self.composer.heads_and_ends();
+                if heads.len() > 1 {
+                    self.files.write(begin, stamp, &[], heads)?;
+                }
             }
             self.finish_file()?;
             return Ok(None);

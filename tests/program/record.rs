@@ -415,12 +415,14 @@ fn a_full_file_system() {
 #[test]
 fn what_cannot_be_recorded_is_refused() {
     let scratch = Scratch::new();
-    let directory = scratch.path("tape");
-    let directory = argument(&directory);
+    let tape = scratch.path("tape");
+    let directory = argument(&tape);
     let levels = here("captures/good/tr.sr");
     for (more, status, says) in [
         (&[argument(&levels)][..], 3, "line levels"),
         (&["absent.pcapng"], 3, "there is no such file"),
+        #[cfg(target_os = "linux")]
+        (&["serial:/dev/absent", "--baud", "115200"], 3, "LINE   not heard: no bus appeared"),
         (&["-", "--ring", "files=3"], 2, "without size or duration"),
         (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
         (&["-", "--count", "3"], 2, "keeps everything"),
@@ -429,6 +431,8 @@ fn what_cannot_be_recorded_is_refused() {
         let run = fieldtap(["record", "-w", directory].iter().chain(more));
         assert_eq!(run.status, status, "{more:?}: {}", run.stderr);
         assert!(run.stderr.contains(says), "{more:?}: {}", run.stderr);
+        // What looks like a capture says that there was one.
+        assert!(!tape.exists() || files(&tape).is_empty(), "{more:?}: {:?}", files(&tape));
     }
     let file = scratch.file("file", "");
     let run = fieldtap_fed(["record", "-", "-w", argument(&file)], b"time,byte,parity\n");
