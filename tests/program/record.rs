@@ -1,6 +1,7 @@
 //! Recordings: what is on disk, whatever ends them.
 
-use crate::harness::{Run, Scratch, argument, codes, fieldtap, fieldtap_fed, here, say};
+use crate::harness::{Run, Scratch, argument, codes, fieldtap, fieldtap_fed, here};
+use crate::peers::{miss, run_peer};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -382,7 +383,8 @@ fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
     }
 }
 
-/// The same on a file system that is full, where one can be mounted.
+/// The same on a file system that is full, where one can be mounted. Like a peer, it may be absent
+/// unless `FIELDTAP_PEERS=required`.
 #[test]
 fn a_full_file_system() {
     let scratch = Scratch::new();
@@ -395,15 +397,12 @@ fn a_full_file_system() {
          --ring size=20k -w {small}; echo status $? >&2; cat {small}/*.pcapng; ls {small} >&2",
         argument(&source)
     );
-    let unshared = Command::new("unshare").args(["-rm", "sh", "-c", &command]).output();
-    let Ok(output) = unshared else {
-        say("skipped: unshare is not there (util-linux)");
+    let Some(output) = run_peer("unshare", "util-linux", &["-rm", "sh", "-c", &command]) else {
         return;
     };
     let told = String::from_utf8(output.stderr).expect("UTF-8");
     if output.status.code() == Some(77) || !told.contains("status ") {
-        say("skipped: no file system can be mounted here");
-        return;
+        return miss(&format!("no file system can be mounted here: {told}"));
     }
     assert!(told.contains("status 3") && told.contains("No space left"), "{told}");
     assert!(!told.contains(".part\n"), "{told}");
