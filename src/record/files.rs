@@ -23,7 +23,7 @@ pub struct Files {
     directory: PathBuf,
     ring: Ring,
     number: u32,
-    /// Those that are whole and were not deleted.
+    /// Those that are whole and were not deleted, where some will be.
     kept: VecDeque<PathBuf>,
     open: Option<Open>,
     /// Something could not be written: nothing more is.
@@ -193,8 +193,9 @@ impl Files {
         fs::rename(&names.part, &names.whole)
             .map_err(|cause| WriteError { path: names.part, cause })?;
         self.finished += 1;
+        let Some(most) = self.ring.files else { return Ok(()) };
         self.kept.push_back(names.whole);
-        while self.ring.files.is_some_and(|most| self.kept.len() > most as usize) {
+        while self.kept.len() > most as usize {
             let Some(oldest) = self.kept.pop_front() else { break };
             match fs::remove_file(&oldest) {
                 // The user was faster.
@@ -313,6 +314,8 @@ mod tests {
         files.finish(&[]).unwrap();
         // 10 to 12, 13 to 15, 16.
         assert_eq!(files.finished, 3);
+        // None will be deleted: nothing grows with them.
+        assert!(files.kept.is_empty());
     }
 
     #[test]
