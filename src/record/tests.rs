@@ -1,5 +1,8 @@
 //! A recording that is read gives the records that a live tap gave, whatever it heard.
 
+#[cfg(target_os = "linux")]
+mod live;
+
 use super::*;
 use crate::export::{Export, Json};
 use crate::pipeline::{Consumer, Pipeline};
