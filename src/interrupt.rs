@@ -1,4 +1,5 @@
-//! Ctrl-C: a run ends with its last lines; a second one ends it at once.
+//! Ctrl-C, `kill` and a closed terminal: a run ends with its last lines. A second Ctrl-C ends it at
+//! once.
 
 use std::io::{self, Read};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,15 +15,33 @@ const SIGNALS: [i32; 3] =
 #[cfg(not(unix))]
 const SIGNALS: [i32; 2] = [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM];
 
-/// Catches the signals that end a run from here on. A second one ends the program with this status.
+/// Catches the signals that end a run from here on. A second Ctrl-C ends the program with this status.
+/// What whoever started it has it ignore (`nohup` SIGHUP, a script SIGINT of `command &`) stays ignored.
 pub fn catch(status: u8) {
     let came = CAME.get_or_init(Arc::default);
-    for signal in SIGNALS {
+    let ignored = ignored();
+    for signal in SIGNALS.into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0) {
         // Where signals cannot be caught, they end the run without last lines.
-        let second = Arc::clone(came);
-        let _ = signal_hook::flag::register_conditional_shutdown(signal, i32::from(status), second)
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(came)));
+        if signal == signal_hook::consts::SIGINT {
+            let _ = end_at_once(signal, status, Arc::clone(came));
+        }
+        let _ = signal_hook::flag::register(signal, Arc::clone(came));
     }
+}
+
+/// The signals that this process ignores: bit 0 is signal 1 (proc_pid_status(5), `SigIgn`). None where
+/// the system does not tell.
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+/// Ends the program with this status where another signal came before. Only a user who presses Ctrl-C
+/// once more wants that: a closed terminal sends SIGHUP twice, from the kernel and from the shell.
+fn end_at_once(signal: i32, status: u8, came: Arc<AtomicBool>) -> io::Result<()> {
+    let status = i32::from(status);
+    signal_hook::flag::register_conditional_shutdown(signal, status, came).map(drop)
 }
 
 /// From here on, a run also ends when it is told that nobody reads its output. Where that is told

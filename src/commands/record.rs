@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
             return ExitCode::from(USAGE);
         }
     };
-    // A second signal does not wait for a good end.
+    // A second Ctrl-C does not wait for a good end.
     interrupt::catch(INTERRUPTED);
     interrupt::outlive_limits();
     match begin(arguments, settings) {

@@ -3,8 +3,9 @@
 //! A block ends where a read ended, and where a start differs from the time that a reader gives it:
 //! what is read back is what was heard, to the nanosecond.
 
+use super::steady::Steady;
 use crate::export::pcapng::{
-    BlockWriter, Carries, Extras, Interface, check, clock_of, runs, unsupported,
+    BlockWriter, Carries, Extras, Interface, clock_of, marks_for, runs, unsupported,
 };
 use crate::source::SourceOptions;
 use dissectors::bus::{LineCounts, WireFacts};
@@ -12,7 +13,7 @@ use dissectors::can::{Frame, FrameKind};
 use dissectors::event::{Break, Event, Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
-use dissectors::uart::{Baud, Character, Format, Wire};
+use dissectors::uart::{Baud, Character, Format, ParityMarks, Wire};
 use std::io;
 use std::ops::Range;
 
@@ -26,10 +27,12 @@ const EXACT_INTERFACES: usize = 16;
 /// Blocks that were composed together.
 #[derive(Clone, Debug)]
 pub struct Chunk {
-    /// When the first began.
+    /// When the first began, by a clock that is never set back.
     pub from: Moment,
-    /// When the last began.
+    /// When the last began, by the same clock.
     pub to: Moment,
+    /// When the first began, as the source stamped it.
+    pub stamp: Moment,
     /// Where their bytes are among those composed.
     pub bytes: Range<usize>,
 }
@@ -60,25 +63,26 @@ pub struct Bus {
     pub lost: [u64; 2],
     facts: WireFacts,
     medium: Option<Medium>,
-    interfaces: Vec<Known>,
+    /// What they can tell, and their numbers.
+    interfaces: Vec<(Terms, u32)>,
     /// Frames lost just now: told with the next frame if it is of the same time.
     pending: Option<Loss>,
     comments: Vec<String>,
-    /// When the last block began.
+    /// When the last block began, as the source stamped it.
     last: Moment,
-    /// Up to here it was listened to.
+    /// Up to here it was listened to, by a clock that is never set back.
     reach: Moment,
     /// The source said up to when it listened.
     is_reach_told: bool,
 }
 
-/// An interface that was described.
-#[derive(Clone, Copy)]
-struct Known {
-    /// ± of its stamps.
+/// What an interface tells of all that is heard on it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Terms {
+    /// ± of stamps, in ns.
     uncertainty: u32,
     baud: Option<Baud>,
-    number: u32,
+    parity: ParityMarks,
 }
 
 /// Composes blocks.
@@ -91,6 +95,7 @@ pub struct Composer {
     buses: Vec<Bus>,
     /// The bus of each number of the source.
     numbers: Vec<usize>,
+    steady: Steady,
     /// What the user says about serial lines, where the source does not.
     user: (Option<Baud>, Option<Format>),
 }
@@ -105,7 +110,8 @@ impl Composer {
         let heads = vec![std::mem::take(writer.out())];
         let user = (options.baud, options.frame);
         let (buses, numbers, chunks) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Composer { writer, heads, chunks, buses, numbers, user })
+        let steady = Steady::default();
+        Ok(Composer { writer, heads, chunks, buses, numbers, steady, user })
     }
 
     /// Another source begins. Buses of the same name go on.
@@ -155,15 +161,30 @@ impl Composer {
 
     /// Nothing comes after this time.
     pub fn end(&mut self, bus: usize, at: Moment) {
-        let bus = &mut self.buses[self.numbers[bus]];
-        bus.reach(at);
-        bus.is_reach_told |= at.is_known();
+        self.listened(self.numbers[bus], at);
     }
 
-    /// Up to here all buses were listened to, at the latest.
+    /// The source says up to when it listened.
+    fn listened(&mut self, index: usize, until: Moment) {
+        let bus = &mut self.buses[index];
+        bus.reach(self.steady.reach(until, bus.reach));
+        bus.is_reach_told |= until.is_known();
+    }
+
+    /// Up to here all buses were listened to, at the latest, by a clock that is never set back.
     pub fn reach(&self) -> Moment {
         let latest = self.buses.iter().filter_map(|bus| bus.reach.ns()).max();
         latest.map_or(Moment::UNKNOWN, Moment::from_ns)
+    }
+
+    /// The same, as the source stamps it.
+    pub fn stamp(&self) -> Moment {
+        self.steady.stamp(self.reach())
+    }
+
+    /// When it was that the source called `stamp` a while ago, by a clock that is never set back.
+    pub fn time_of(&self, stamp: Moment) -> Moment {
+        self.steady.of(stamp)
     }
 
     /// Takes what was heard. Its blocks are among the chunks from then on.
@@ -179,9 +200,7 @@ impl Composer {
             Event::Lost(loss) => self.lost(bus, loss),
             Event::Advance(until) => {
                 self.settle(bus)?;
-                let bus = &mut self.buses[bus];
-                bus.reach(until);
-                bus.is_reach_told |= until.is_known();
+                self.listened(bus, until);
                 Ok(())
             }
             Event::Levels(_) => Err(unsupported(
@@ -198,10 +217,16 @@ impl Composer {
     }
 
     fn characters(&mut self, index: usize, characters: &[Character]) -> io::Result<()> {
-        check(characters, &self.buses[index].info)?;
         let wire = self.buses[index].wire();
-        for alike in characters.chunk_by(|a, b| a.uncertainty == b.uncertainty) {
-            let interface = self.interface(index, Medium::Serial, alike[0].uncertainty)?;
+        // One odd character, or another adapter of the same name, does not end a recording.
+        let Bus { info, facts, .. } = &self.buses[index];
+        let (told, baud) = (info.parity, facts.baud);
+        let terms = |character: &Character| {
+            let parity = marks_for(character, told);
+            Terms { uncertainty: character.uncertainty, baud, parity }
+        };
+        for alike in characters.chunk_by(|a, b| terms(a) == terms(b)) {
+            let interface = self.interface(index, Medium::Serial, terms(&alike[0]))?;
             for run in runs(alike, wire, 0) {
                 let (from, to) = (run[0].start, run[run.len() - 1].start);
                 let extras = Extras::comments(self.comments(index));
@@ -219,7 +244,7 @@ impl Composer {
 
     fn frames(&mut self, index: usize, frames: &[Frame]) -> io::Result<()> {
         for frame in frames {
-            let interface = self.interface(index, Medium::Can, frame.uncertainty)?;
+            let interface = self.usual_interface(index, Medium::Can, frame.uncertainty)?;
             let is_its = |loss: &mut Loss| loss.start == frame.start;
             let lost = self.buses[index].pending.take_if(is_its);
             if lost.is_none() {
@@ -238,7 +263,7 @@ impl Composer {
     }
 
     fn line_break(&mut self, index: usize, event: Break) -> io::Result<()> {
-        let interface = self.interface(index, Medium::Serial, event.uncertainty)?;
+        let interface = self.usual_interface(index, Medium::Serial, event.uncertainty)?;
         let extras = Extras::comments(self.comments(index));
         let begin = self.writer.out().len();
         self.writer.line_break(interface, event, extras)?;
@@ -281,7 +306,7 @@ impl Composer {
         for index in 0..self.buses.len() {
             let bus = &self.buses[index];
             if let (Some(medium), Some(_), []) = (bus.medium, bus.info.clock, &*bus.interfaces) {
-                self.interface(index, medium, 0)?;
+                self.usual_interface(index, medium, 0)?;
             }
         }
         Ok(())
@@ -313,32 +338,43 @@ impl Composer {
     /// An interface of a bus where the ± does not matter.
     fn some_interface(&mut self, index: usize) -> io::Result<u32> {
         let bus = &self.buses[index];
-        let fits = |known: &&Known| known.baud == bus.facts.baud;
-        match bus.interfaces.iter().rfind(fits) {
-            Some(known) => Ok(known.number),
-            None => self.interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
+        match bus.interfaces.iter().rfind(|(terms, _)| terms.baud == bus.facts.baud) {
+            Some((_, number)) => Ok(*number),
+            None => self.usual_interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
         }
     }
 
-    /// The interface of a bus for stamps of this ±, which is described if it is new.
-    fn interface(&mut self, index: usize, medium: Medium, uncertainty: u32) -> io::Result<u32> {
+    /// The interface of a bus for stamps of this ±, where parity is known as its tap told.
+    fn usual_interface(&mut self, index: usize, medium: Medium, plus: u32) -> io::Result<u32> {
+        let Bus { facts, info, .. } = &self.buses[index];
+        let terms = Terms { uncertainty: plus, baud: facts.baud, parity: info.parity };
+        self.interface(index, medium, terms)
+    }
+
+    /// The interface of a bus for this, which is described if it is new.
+    fn interface(&mut self, index: usize, medium: Medium, terms: Terms) -> io::Result<u32> {
         let bus = &mut self.buses[index];
         let uncertainty = match bus.interfaces.len() < EXACT_INTERFACES {
-            true => uncertainty,
-            false => uncertainty.checked_next_power_of_two().unwrap_or(u32::MAX),
+            true => terms.uncertainty,
+            false => terms.uncertainty.checked_next_power_of_two().unwrap_or(u32::MAX),
         };
-        let is_it =
-            |known: &&Known| (known.uncertainty, known.baud) == (uncertainty, bus.facts.baud);
-        if let Some(known) = bus.interfaces.iter().find(is_it) {
-            return Ok(known.number);
+        let terms = Terms { uncertainty, ..terms };
+        let known = bus.interfaces.iter().find(|(known, _)| *known == terms);
+        if let Some((_, number)) = known {
+            return Ok(*number);
         }
+        if bus.interfaces.is_empty() && terms.parity != bus.info.parity {
+            // Whoever reads it takes the first one for what the bus tells.
+            self.usual_interface(index, medium, uncertainty)?;
+        }
+        let bus = &mut self.buses[index];
         bus.medium = bus.medium.or(Some(medium));
         let clock = clock_of(&bus.info, medium)?;
         let WireFacts { baud, format, spacing_is_assumed, .. } = bus.facts;
         let carries = match medium {
             Medium::Can => Carries::Frames,
             _ => Carries::Characters {
-                parity: bus.info.parity,
+                parity: terms.parity,
                 format,
                 // Without a rate every character is a block.
                 has_all_stamps: baud.is_none() && !spacing_is_assumed,
@@ -347,7 +383,7 @@ impl Composer {
         let begin = self.writer.out().len();
         let described = Interface { bus: &bus.info, clock, uncertainty, baud, carries };
         let number = self.writer.interface(&described)?;
-        bus.interfaces.push(Known { uncertainty, baud, number });
+        bus.interfaces.push((terms, number));
         self.heads.push(self.writer.out().split_off(begin));
         Ok(number)
     }
@@ -356,8 +392,11 @@ impl Composer {
     fn composed(&mut self, index: usize, begin: usize, from: Moment, to: Moment) {
         let end = self.writer.out().len();
         let bus = &mut self.buses[index];
-        bus.reach(to);
         bus.last = to;
+        let stamp = from;
+        let from = self.steady.reach(stamp, bus.reach);
+        let to = to.since(stamp).map_or(from, |span| from.plus(span));
+        bus.reach(to);
         match self.chunks.last_mut() {
             Some(chunk)
                 if to.since(chunk.from).is_some_and(|span| (0..LONGEST_CHUNK).contains(&span)) =>
@@ -365,7 +404,7 @@ impl Composer {
                 chunk.bytes.end = end;
                 chunk.to = if to.is_after(chunk.to) { to } else { chunk.to };
             }
-            _ => self.chunks.push(Chunk { from, to, bytes: begin..end }),
+            _ => self.chunks.push(Chunk { from, to, stamp, bytes: begin..end }),
         }
     }
 
@@ -385,8 +424,8 @@ impl Composer {
         *self.writer.out() = composed.bytes;
     }
 
-    /// The blocks that a file ends with, in which nothing is after `limit`: when each bus was last
-    /// listened to. To be asked for where nothing is composed.
+    /// The blocks that a file ends with, in which nothing is after `limit`, by a clock that is never
+    /// set back: when each bus was last listened to. To be asked for where nothing is composed.
     pub fn ends(&mut self, limit: Option<Moment>) -> Vec<u8> {
         self.heads_and_ends().1(limit.unwrap_or(Moment::from_ns(i64::MAX)))
     }
@@ -394,12 +433,12 @@ impl Composer {
     /// What a file must begin with (the section's header, then the interfaces in order), and what
     /// makes the blocks it ends with.
     pub fn heads_and_ends(&mut self) -> (&[Vec<u8>], impl FnMut(Moment) -> Vec<u8>) {
-        let Composer { heads, buses, writer, .. } = self;
+        let Composer { heads, buses, writer, steady, .. } = self;
         let ends = |limit: Moment| {
             for bus in buses.iter_mut() {
-                let Some(Known { number, .. }) = bus.interfaces.first() else { continue };
+                let Some((_, number)) = bus.interfaces.first() else { continue };
                 let is_limited = bus.reach.is_after(limit);
-                let end = if is_limited { limit } else { bus.reach };
+                let end = steady.stamp(if is_limited { limit } else { bus.reach });
                 // What the source does not tell is not known to whoever reads the file either.
                 let told = (is_limited || bus.is_reach_told).then_some(end);
                 let comments = std::mem::take(&mut bus.comments);

@@ -43,7 +43,7 @@ struct Open {
     written: u64,
     /// When the first byte of the buffer came.
     waiting_since: Option<Instant>,
-    /// When its first block began.
+    /// When its first block began, by a clock that is never set back.
     begin: Moment,
     /// How many heads it has.
     heads: usize,
@@ -91,7 +91,8 @@ impl Files {
     }
 
     /// Whether the file that is being written is to end, as the ring wants it, before so many bytes
-    /// that were heard at this time; or at this time, where there are none.
+    /// that were heard at this time; or at this time, where there are none. By a clock that is never
+    /// set back: by one that is, the file would not end before it has caught up.
     pub fn is_full_for(&self, from: Moment, bytes: usize) -> bool {
         let Some(open) = &self.open else { return false };
         let length = open.length() + bytes as u64;
@@ -100,14 +101,16 @@ impl Files {
             || self.ring.duration.is_some_and(|duration| covered >= duration)
     }
 
-    /// Writes blocks that begin at `from`, in a new file where none is open, behind the heads that
-    /// they need. Once something could not be written, nothing more is.
+    /// Writes blocks that begin at `from`, by a clock that is never set back, and bear `stamp`: in a
+    /// new file where none is open, behind the heads that they need. Once something could not be
+    /// written, nothing more is.
     ///
     /// # Errors
     /// It cannot be written. The file ends with the last whole block.
     pub fn write(
         &mut self,
         from: Moment,
+        stamp: Moment,
         bytes: &[u8],
         heads: &[Vec<u8>],
     ) -> Result<(), WriteError> {
@@ -116,7 +119,7 @@ impl Files {
         }
         self.check()?;
         if self.open.is_none() {
-            self.begin(from)?;
+            self.begin(from, stamp)?;
         }
         let Some(open) = &mut self.open else { return Ok(()) };
         let before = open.length();
@@ -170,10 +173,10 @@ impl Files {
         self.shelf.check().inspect_err(|_| self.is_broken = true)
     }
 
-    fn begin(&mut self, begin: Moment) -> Result<(), WriteError> {
+    fn begin(&mut self, begin: Moment, stamp: Moment) -> Result<(), WriteError> {
         let names = loop {
             self.number = self.number.saturating_add(1);
-            let names = Names::new(&self.directory, begin, self.number);
+            let names = Names::new(&self.directory, stamp, self.number);
             // Another recording in the same second.
             if names.are_free() || self.number == u32::MAX {
                 break names;
@@ -281,7 +284,7 @@ mod tests {
         if files.is_full_for(at(second), 1_000) {
             files.finish(&[]).unwrap();
         }
-        files.write(at(second), &[0; 1_000], &[vec![1; 500]]).unwrap();
+        files.write(at(second), at(second), &[0; 1_000], &[vec![1; 500]]).unwrap();
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! A flight recorder: only what surrounds an event is kept.
 //!
 //! What was heard is held in memory until it is clear that no event will ask for it. Decoding comes
-//! behind, and says which events there were, and up to where there are no more.
+//! behind, and says which events there were, and up to where there are no more. All times here are
+//! by a clock that is never set back, but for the stamps that files are named by.
 
 use super::composer::Chunk;
 use super::files::{Files, WriteError};
@@ -41,6 +42,7 @@ pub struct Flight {
 struct Held {
     from: Moment,
     to: Moment,
+    stamp: Moment,
     bytes: Vec<u8>,
 }
 
@@ -64,8 +66,8 @@ impl Flight {
                 held.to = if chunk.to.is_after(held.to) { chunk.to } else { held.to };
             }
             None => {
-                let (from, to) = (chunk.from, chunk.to);
-                self.held.push_back(Held { from, to, bytes: bytes.to_vec() });
+                let Chunk { from, to, stamp, .. } = *chunk;
+                self.held.push_back(Held { from, to, stamp, bytes: bytes.to_vec() });
             }
         }
         while self.bytes > MOST_HELD {
@@ -120,7 +122,7 @@ impl Flight {
             if files.is_full_for(held.from, held.bytes.len()) {
                 files.finish(&ends(held.from))?;
             }
-            files.write(held.from, &held.bytes, heads)?;
+            files.write(held.from, held.stamp, &held.bytes, heads)?;
         }
         Ok(())
     }
@@ -188,7 +190,8 @@ mod tests {
     }
 
     fn hold(flight: &mut Flight, second: i64, bytes: &[u8]) {
-        let chunk = Chunk { from: at(second), to: at(second), bytes: 0..bytes.len() };
+        let (from, to, stamp) = (at(second), at(second), at(second));
+        let chunk = Chunk { from, to, stamp, bytes: 0..bytes.len() };
         flight.hold(&chunk, bytes);
     }
 

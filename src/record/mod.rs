@@ -10,6 +10,7 @@ mod flight;
 mod names;
 mod ring;
 mod shelf;
+mod steady;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -23,7 +24,7 @@ pub use trigger::{Trigger, Watch, Watcher};
 
 use crate::source::{Piece, SourceOptions};
 use composer::{Bus, Chunk, Composer};
-use dissectors::event::{Event, Moment};
+use dissectors::event::Event;
 use flight::Flight;
 use std::io;
 use std::path::Path;
@@ -114,7 +115,7 @@ impl Recorder {
                 Piece::End(bus, at) => copy.end(*bus, *at),
                 Piece::Comment(..) | Piece::Warning(_) | Piece::Note(_) => return Ok(()),
             }
-            events.watch.decode(copy, self.composer.reach());
+            events.watch.decode(copy, self.composer.stamp());
         }
         self.heed()?;
         // Silence ends files, too.
@@ -149,7 +150,7 @@ impl Recorder {
         if files.is_full_for(chunk.from, bytes.len()) {
             files.finish(&ends(chunk.from))?;
         }
-        files.write(chunk.from, bytes, heads)
+        files.write(chunk.from, chunk.stamp, bytes, heads)
     }
 
     /// Heeds what the watch has to say.
@@ -162,15 +163,16 @@ impl Recorder {
 
     fn heed_one(&mut self, told: Told) -> Result<(), RecordError> {
         let Some(events) = &mut self.events else { return Ok(()) };
-        let reach = self.composer.reach();
+        let (Told::Event(stamp) | Told::Decoded(stamp)) = told;
+        let at = self.composer.time_of(stamp);
+        let at = if at.is_known() { at } else { self.composer.reach() };
         let (heads, mut ends) = self.composer.heads_and_ends();
         match told {
-            Told::Event(at) => {
+            Told::Event(_) => {
                 events.count += 1;
-                let at = if at.is_known() { at } else { reach };
                 events.flight.event(at, heads, &mut ends, &mut self.files)?;
             }
-            Told::Decoded(now) => events.flight.decoded(now, &mut ends, &mut self.files)?,
+            Told::Decoded(_) => events.flight.decoded(at, &mut ends, &mut self.files)?,
         }
         Ok(())
     }
@@ -204,10 +206,14 @@ impl Recorder {
         self.keep()?;
         let Some(events) = &mut self.events else {
             if !self.files.is_open() && self.files.finished == 0 {
-                // Nothing was heard, and this is what the file says.
+                // Nothing was heard, and this is what the file says. Where there was no bus to listen
+                // to, such as a port that is not there, it has nothing to say.
                 self.composer.describe_silent()?;
-                let begin = self.composer.reach();
-                self.files.write(begin, &[], self.composer.heads_and_ends().0)?;
+                let (begin, stamp) = (self.composer.reach(), self.composer.stamp());
+                let (heads, _) = self.composer.heads_and_ends();
+                if heads.len() > 1 {
+                    self.files.write(begin, stamp, &[], heads)?;
+                }
             }
             self.finish_file()?;
             return Ok(None);
@@ -249,10 +255,5 @@ impl Recorder {
     /// Where the files are.
     pub fn directory(&self) -> &Path {
         self.files.directory()
-    }
-
-    /// Up to when was listened.
-    pub fn reach(&self) -> Moment {
-        self.composer.reach()
     }
 }

@@ -23,7 +23,8 @@ const WAITING: usize = 16;
 pub struct Shelf {
     /// How many stay; all where it is not given.
     most: Option<u32>,
-    /// Those that are whole and were not deleted. The clerk has them while there is one.
+    /// Those that are whole and were not deleted, where some will be. The clerk has them while there
+    /// is one.
     kept: VecDeque<PathBuf>,
     clerk: Option<Clerk>,
 }
@@ -84,6 +85,7 @@ impl Clerk {
         let thread = thread::spawn(move || {
             for (file, names) in to_do {
                 let done = name(&file, &names).and_then(|()| {
+                    let Some(most) = most else { return Ok(()) };
                     kept.push_back(names.whole);
                     clear(&mut kept, most)
                 });
@@ -105,8 +107,8 @@ fn name(file: &File, names: &Names) -> Result<(), WriteError> {
 }
 
 /// Deletes the oldest beyond so many.
-fn clear(kept: &mut VecDeque<PathBuf>, most: Option<u32>) -> Result<(), WriteError> {
-    while most.is_some_and(|most| kept.len() > most as usize) {
+fn clear(kept: &mut VecDeque<PathBuf>, most: u32) -> Result<(), WriteError> {
+    while kept.len() > most as usize {
         let Some(oldest) = kept.pop_front() else { break };
         match fs::remove_file(&oldest) {
             // The user was faster.
@@ -140,4 +142,27 @@ fn sync_directory(directory: &Path) -> io::Result<()> {
 #[cfg(not(unix))]
 fn sync_directory(_: &Path) -> io::Result<()> {
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dissectors::event::Moment;
+
+    /// Where none will be deleted, nothing grows with a recording of months.
+    #[test]
+    fn names_are_remembered_only_of_files_that_a_ring_deletes() {
+        for (most, remembered) in [(None, 0), (Some(2), 2), (Some(9), 3)] {
+            let directory = tempfile::tempdir().unwrap();
+            let mut shelf = Shelf::new(most);
+            for number in 1..=3 {
+                let names = Names::new(directory.path(), Moment::from_ns(0), number);
+                shelf.put(File::create(&names.part).unwrap(), names);
+            }
+            shelf.settle().unwrap();
+            assert_eq!(shelf.kept.len(), remembered);
+            let there = fs::read_dir(directory.path()).unwrap().count();
+            assert_eq!(there, most.map_or(3, |most| most.min(3) as usize));
+        }
+    }
 }

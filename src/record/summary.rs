@@ -106,8 +106,17 @@ pub fn undecoded(recorder: &Recorder) -> Verdict {
     });
     let line = lines.collect::<Vec<_>>().join("; ");
     let not_decoded = || "not decoded".to_owned();
+    if line.is_empty() {
+        // That is not silence: nobody listened.
+        return Verdict {
+            line: "not heard: no bus appeared".to_owned(),
+            who: not_decoded(),
+            wrong: not_decoded(),
+            open: "everything: nothing was recorded".to_owned(),
+        };
+    }
     Verdict {
-        line: if line.is_empty() { "silent: nothing was heard".to_owned() } else { line },
+        line,
         who: not_decoded(),
         wrong: not_decoded(),
         open: format!(

@@ -1,12 +1,15 @@
 //! A recording that is read gives the records that a live tap gave, whatever it heard.
 
+#[cfg(target_os = "linux")]
+mod live;
+
 use super::*;
 use crate::export::{Export, Json};
 use crate::pipeline::{Consumer, Pipeline};
 use crate::source::{self, Outbox, Reader, Reading, Source, SourceError};
 use dissectors::bus::WireFacts;
 use dissectors::can::{Direction, Frame, Identifier};
-use dissectors::event::{Break, Clock, Loss, LossCause};
+use dissectors::event::{Break, Clock, Loss, LossCause, Moment};
 use dissectors::protocol::{Medium, Settings};
 use dissectors::record::{BusInfo, Record, Sink};
 use dissectors::uart::{Baud, Character, Format, Parity, ParityMarks};
@@ -169,6 +172,77 @@ fn files_of_a_ring_are_one_stream() {
     assert_eq!(files, 7);
     // 400 blocks of some 52 bytes are 21 kB.
     assert!(compare(serial, "size=5k").1 > 4);
+}
+
+/// The same tap on a machine whose clock is set back by a year after 3.2 s.
+fn set_back() -> Vec<Delivery> {
+    const YEAR: i64 = 31_536_000_000_000_000;
+    let mut script = serial();
+    script.truncate(1);
+    for read in 0..400_i64 {
+        script.push(Box::new(move |out| {
+            let behind = if read < 200 { 0 } else { YEAR };
+            let at = Moment::from_ns(BEGIN + read * 16_000_000 - behind);
+            out.characters(0, [Character::new(at, 16_000_000, 0x80, Parity::Ok).interpolated()]);
+            out.silence(0, at.plus(8_000_000));
+        }));
+    }
+    script
+}
+
+#[test]
+fn files_of_a_ring_end_though_the_clock_is_set_back() {
+    let directory = tempfile::tempdir().unwrap();
+    let tap = || Box::new(Reading::new(Script(set_back()))) as Box<dyn Source>;
+    let mut files = record(tap(), directory.path(), "duration=1s");
+    // As with a clock that goes on: every 63 reads of 16 ms, of 400.
+    assert_eq!(files.len(), 7);
+    files.sort_by_key(|file| file.to_string_lossy().rsplit_once('-').unwrap().1.to_owned());
+    let options = SourceOptions::default();
+    let saved = json_of(files.iter().map(|f| source::open(f.to_str().unwrap(), &options).unwrap()));
+    assert_eq!(saved, json_of([tap()]));
+}
+
+/// A tap that tells `marks`, and yet says this of single characters: bytes that cannot stand where
+/// marks are in force, and then another adapter of the same name.
+fn odd(marks: ParityMarks) -> Vec<Delivery> {
+    let info = BusInfo::new("ttyUSB0", Some(Clock::Read)).with_parity(marks);
+    let facts = WireFacts {
+        baud: Baud::new(115_200),
+        format: Some(Format::FT12),
+        medium: Some(Medium::Serial),
+        ..WireFacts::default()
+    };
+    let mut script: Vec<Delivery> = vec![Box::new(move |out| out.bus(info, facts))];
+    let said = [Parity::Unknown, Parity::Ok, Parity::Error, Parity::Suspect, Parity::Unknown];
+    for read in 0..20_i64 {
+        script.push(Box::new(move |out| {
+            let start = Moment::from_ns(BEGIN + read * 16_000_000);
+            let character = |(n, parity): (i64, &Parity)| {
+                // 11 bits at 115200 Bd are 95486.1 ns.
+                let start = start.plus((n * 11_000_000_000 + 57_600) / 115_200);
+                Character::new(start, 16_000_000, 0x1A, *parity).interpolated()
+            };
+            out.characters(0, (0..).zip(&said).map(character));
+            let start = start.plus(8_000_000);
+            let unframed = Character::new(start, 16_000_000, 0x1A, Parity::Unknown);
+            out.characters(0, [unframed.interpolated().with_framing_error()]);
+            out.silence(0, start.plus(1_000_000));
+        }));
+    }
+    script.push(Box::new(|out| out.end(0, Moment::from_ns(BEGIN + 1_000_000_000))));
+    script
+}
+
+#[test]
+fn a_tap_that_contradicts_itself() {
+    compare(|| odd(ParityMarks::None), "");
+    compare(|| odd(ParityMarks::Packet), "");
+    let (live, files) = compare(|| odd(ParityMarks::Character), "size=4k");
+    assert!(files > 1);
+    for word in ["\"unknown\"", "\"error\"", "uart.framing"] {
+        assert!(live.contains(word), "{word} is in what is compared");
+    }
 }
 
 /// A CAN tap: frames of a poll, both directions, losses with and without a frame behind them.

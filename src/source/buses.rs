@@ -41,7 +41,9 @@ impl Buses {
         self.selection.options()
     }
 
-    /// The number of a bus, which appears if it is new; `None` if the user did not ask for it.
+    /// The number of a bus, which appears if it is new; `None` if the user did not ask for it. One
+    /// that is told anew, with other marks of parity, is the same: a recording does that where single
+    /// characters are known better or worse.
     ///
     /// # Errors
     /// There are more than anybody has.
@@ -52,7 +54,9 @@ impl Buses {
         facts: WireFacts,
         out: &mut Outbox,
     ) -> Result<Option<usize>, &'static str> {
-        let is_it = |known: &&Known| known.info == info && known.medium == medium;
+        let is_it = |known: &&Known| {
+            known.info.name == info.name && known.info.clock == info.clock && known.medium == medium
+        };
         if let Some(known) = self.known.iter().find(is_it) {
             return Ok(known.number);
         }

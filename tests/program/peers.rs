@@ -4,22 +4,25 @@
 
 use crate::harness::{Scratch, argument, fieldtap, here, say};
 use std::collections::BTreeSet;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 /// What a peer prints, or nothing if it may be absent and is.
 pub fn ask(program: &str, package: &str, arguments: &[&str]) -> Option<String> {
-    match Command::new(program).args(arguments).output() {
-        Ok(output) => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
-        Err(error) => {
-            let missing = format!("{program}: {error}: apt-get install {package}");
-            assert!(
-                std::env::var_os("FIELDTAP_PEERS").is_none_or(|peers| peers != "required"),
-                "{missing}"
-            );
-            say(&format!("skipped: {missing}"));
-            None
-        }
-    }
+    let output = run_peer(program, package, arguments)?;
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// What a peer comes to, or nothing if it may be absent and is.
+pub fn run_peer(program: &str, package: &str, arguments: &[&str]) -> Option<Output> {
+    let run = Command::new(program).args(arguments).output();
+    run.map_err(|error| miss(&format!("{program}: {error}: apt-get install {package}"))).ok()
+}
+
+/// Says what is missing here. Fails where it must not be.
+pub fn miss(what: &str) {
+    let is_required = std::env::var_os("FIELDTAP_PEERS").is_some_and(|peers| peers == "required");
+    assert!(!is_required, "{what}");
+    say(&format!("skipped: {what}"));
 }
 
 #[test]

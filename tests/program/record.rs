@@ -1,7 +1,7 @@
 //! Recordings: what is on disk, whatever ends them.
 
-use crate::harness::{Run, Scratch, argument, codes, fieldtap, fieldtap_fed, here, say};
-use crate::peers::ask;
+use crate::harness::{Run, Scratch, argument, codes, fieldtap, fieldtap_fed, here};
+use crate::peers::{ask, miss, run_peer};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -60,6 +60,14 @@ fn start(arguments: &[&str]) -> Child {
         .stderr(Stdio::piped())
         .spawn()
         .expect("the program is there")
+}
+
+/// Sends each of these signals 1 ms after the one before.
+fn kill_again(child: &Child, signals: [&str; 2]) {
+    let [first, second] = signals.map(|signal| format!("kill {signal} {}", child.id()));
+    let command = format!("{first}; sleep 0.001; {second}");
+    let killed = Command::new("sh").args(["-c", &command]).status();
+    assert!(killed.expect("sh is there").success());
 }
 
 fn kill(child: &Child, signal: &str) {
@@ -224,6 +232,46 @@ fn a_flight_recorder_keeps_what_surrounds_events() {
     }
 }
 
+/// A minute of exchanges, ten a second. Before this one, the clock is set back by an hour.
+const SET_BACK: u64 = 200;
+
+/// Its capture, with a parity error in these exchanges.
+fn set_back(bad: &[u64]) -> String {
+    const BEGIN: u64 = 1_795_335_300_000_000_000;
+    let mut text = "time,byte,parity\n".to_owned();
+    for n in 0..600 {
+        let behind = if n < SET_BACK { 0 } else { 3_600_000_000_000 };
+        let parity = if bad.contains(&n) { "error" } else { "ok" };
+        text += &exchange(BEGIN + n * 100_000_000 - behind, parity);
+    }
+    text
+}
+
+#[test]
+fn a_clock_that_is_set_back_costs_a_flight_recorder_nothing() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    // One whose surroundings are on both sides of it, and one behind.
+    let capture = set_back(&[195, 400]);
+    let arguments = ["record", "-", "--baud", "115200", "--trigger", "slin.parity"];
+    let window = ["--before", "3s", "--after", "2s", "-w", argument(&directory)];
+    let run = fieldtap_fed(arguments.into_iter().chain(window), capture.as_bytes()).good();
+    assert!(run.stderr.contains("2 events") && run.stderr.contains("in 2 files"), "{}", run.stderr);
+    let files = files(&directory);
+    // The later one bears the earlier time.
+    for file in [&files[1], &files[0]] {
+        let records = read(std::slice::from_ref(file)).good().records();
+        // Five seconds of ten exchanges of two records; blocks of 0.1 s are kept or not as a whole.
+        assert!((98..=108).contains(&records.len()), "{}", records.len());
+        let found = records.iter().flat_map(codes).filter(|code| code == "slin.parity");
+        assert_eq!(found.count(), 1);
+    }
+    let begin = |file: &Path| file.file_name().map(|name| name.to_string_lossy().into_owned());
+    // 16.5 s and 37 s after 08:15:00, less an hour.
+    assert_eq!(begin(&files[1]).as_deref(), Some("fieldtap-20261122T081516Z-0001.pcapng"));
+    assert_eq!(begin(&files[0]).as_deref(), Some("fieldtap-20261122T071537Z-0002.pcapng"));
+}
+
 #[test]
 fn an_event_at_the_very_end_is_kept_and_none_leaves_nothing() {
     for (bad, count) in [(&[89_u64][..], 1), (&[], 0)] {
@@ -284,6 +332,61 @@ fn signals_end_a_recording_well() {
     }
 }
 
+/// A terminal that is closed sends SIGHUP twice: the kernel's, and the shell's.
+#[test]
+fn a_terminal_that_is_closed_ends_a_recording_well() {
+    for signals in [["-HUP", "-HUP"], ["-TERM", "-HUP"]] {
+        let scratch = Scratch::new();
+        let directory = scratch.path("tape");
+        let mut child = start(&["record", "-", "--baud", "115200", "-w", argument(&directory)]);
+        let mut stdin = child.stdin.take().expect("it is piped");
+        let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+        stdin.write_all(capture.as_bytes()).expect("it reads");
+        wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+        kill_again(&child, signals);
+        let output = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(0), "{signals:?}: {told}");
+        assert!(is_whole(&files(&directory)[0]), "{signals:?}");
+        drop(stdin);
+    }
+}
+
+/// `nohup` has a program ignore SIGHUP, and a script SIGINT where it ends a command with `&`.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_ignored_does_not_end_a_recording() {
+    for (ignored, signal, end) in [("HUP", "-HUP", "-INT"), ("INT", "-INT", "-TERM")] {
+        let scratch = Scratch::new();
+        let directory = scratch.path("tape");
+        let ignoring = format!("trap '' {ignored}; exec \"$0\" \"$@\"");
+        let mut child = Command::new("sh")
+            .args(["-c", &ignoring, env!("CARGO_BIN_EXE_fieldtap"), "record", "-"])
+            .args(["--baud", "115200", "-w", argument(&directory)])
+            .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("sh is there");
+        let mut stdin = child.stdin.take().expect("it is piped");
+        let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+        stdin.write_all(capture.as_bytes()).expect("it reads");
+        let length = || std::fs::metadata(&files(&directory)[0]).map_or(0, |file| file.len());
+        wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+        wait_for("it writes", || length() > 0);
+        let before = length();
+        kill(&child, signal);
+        std::thread::sleep(Duration::from_millis(300));
+        stdin.write_all(exchange(1_000_000_000, "ok").as_bytes()).expect("it reads on");
+        wait_for("it records on", || length() > before);
+        kill(&child, end);
+        let output = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(0), "{signal}: {told}");
+        assert!(told.contains(": 8 characters;"), "{signal}: {told}");
+        drop(stdin);
+    }
+}
+
 /// A limit on the size of files is met like a full disk.
 #[test]
 fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
@@ -316,7 +419,8 @@ fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
     }
 }
 
-/// The same on a file system that is full, where one can be mounted.
+/// The same on a file system that is full, where one can be mounted. Like a peer, it may be absent
+/// unless `FIELDTAP_PEERS=required`.
 #[test]
 fn a_full_file_system() {
     let scratch = Scratch::new();
@@ -329,15 +433,12 @@ fn a_full_file_system() {
          --ring size=20k -w {small}; echo status $? >&2; cat {small}/*.pcapng; ls {small} >&2",
         argument(&source)
     );
-    let unshared = Command::new("unshare").args(["-rm", "sh", "-c", &command]).output();
-    let Ok(output) = unshared else {
-        say("skipped: unshare is not there (util-linux)");
+    let Some(output) = run_peer("unshare", "util-linux", &["-rm", "sh", "-c", &command]) else {
         return;
     };
     let told = String::from_utf8(output.stderr).expect("UTF-8");
     if output.status.code() == Some(77) || !told.contains("status ") {
-        say("skipped: no file system can be mounted here");
-        return;
+        return miss(&format!("no file system can be mounted here: {told}"));
     }
     assert!(told.contains("status 3") && told.contains("No space left"), "{told}");
     assert!(!told.contains(".part\n"), "{told}");
@@ -349,12 +450,14 @@ fn a_full_file_system() {
 #[test]
 fn what_cannot_be_recorded_is_refused() {
     let scratch = Scratch::new();
-    let directory = scratch.path("tape");
-    let directory = argument(&directory);
+    let tape = scratch.path("tape");
+    let directory = argument(&tape);
     let levels = here("captures/good/tr.sr");
     for (more, status, says) in [
         (&[argument(&levels)][..], 3, "line levels"),
         (&["absent.pcapng"], 3, "there is no such file"),
+        #[cfg(target_os = "linux")]
+        (&["serial:/dev/absent", "--baud", "115200"], 3, "LINE   not heard: no bus appeared"),
         (&["-", "--ring", "files=3"], 2, "without size or duration"),
         (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
         (&["-", "--count", "3"], 2, "keeps everything"),
@@ -363,6 +466,8 @@ fn what_cannot_be_recorded_is_refused() {
         let run = fieldtap(["record", "-w", directory].iter().chain(more));
         assert_eq!(run.status, status, "{more:?}: {}", run.stderr);
         assert!(run.stderr.contains(says), "{more:?}: {}", run.stderr);
+        // What looks like a capture says that there was one.
+        assert!(!tape.exists() || files(&tape).is_empty(), "{more:?}: {:?}", files(&tape));
     }
     let file = scratch.file("file", "");
     let run = fieldtap_fed(["record", "-", "-w", argument(&file)], b"time,byte,parity\n");

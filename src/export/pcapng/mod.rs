@@ -5,13 +5,14 @@ mod can;
 mod serial;
 
 pub use blocks::{BlockWriter, Carries, Extras, Interface, clock_of, runs, unsupported};
-pub use serial::check;
+pub use serial::marks_for;
 
 use super::Export;
 use dissectors::event::{Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::{BusInfo, Heard, Record, Sink};
 use dissectors::uart::{Character, Parity, ParityMarks};
+use serial::check;
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, Write};
 

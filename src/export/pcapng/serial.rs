@@ -38,19 +38,29 @@ pub fn note(bus: &BusInfo, parity: ParityMarks, format: Option<Format>) -> io::R
     Ok(note)
 }
 
+/// What an interface must tell of parity so that this character is read as what it is: what its bus
+/// tells, where that will do.
+pub fn marks_for(character: &Character, bus: ParityMarks) -> ParityMarks {
+    use ParityMarks::{Character, None, Packet};
+    match (character.parity(), bus) {
+        // With a framing error nothing is told of parity.
+        _ if character.has_framing_error() => bus,
+        (Parity::None, bus) => bus,
+        (Parity::Unknown, _) => None,
+        (Parity::Ok, Packet) | (Parity::Suspect, _) => Packet,
+        // A mark is an error even where a good character is not known to be one.
+        (Parity::Error, None) => None,
+        (Parity::Ok | Parity::Error, _) => Character,
+    }
+}
+
 /// Checks that the interface can tell what these characters say, once it told what is known of
 /// parity.
 ///
 /// # Errors
 /// It cannot.
 pub fn check(characters: &[Character], bus: &BusInfo) -> io::Result<()> {
-    let mut whole = characters.iter().filter(|character| !character.has_framing_error());
-    let contradicts = whole.any(|character| match character.parity() {
-        Parity::Unknown => bus.parity != ParityMarks::None,
-        Parity::Ok | Parity::Error => bus.parity == ParityMarks::None,
-        Parity::None | Parity::Suspect => false,
-    });
-    if !contradicts {
+    if characters.iter().all(|character| marks_for(character, bus.parity) == bus.parity) {
         return Ok(());
     }
     let what = "parity is known of some characters and not of others, which serial pcapng cannot \

@@ -51,7 +51,8 @@ impl Hearing {
             },
             marked: match terms.parity {
                 ParityMarks::Packet => Parity::Suspect,
-                ParityMarks::Character | ParityMarks::None => Parity::Error,
+                ParityMarks::Character => Parity::Error,
+                ParityMarks::None => Parity::Unknown,
             },
             has_parity,
             has_strayed: false,
@@ -148,7 +149,8 @@ impl Hearing {
         if byte == 0 && *breaks > 0 {
             *breaks -= 1;
             Verdict::Break
-        } else if !self.has_parity {
+        } else if !self.has_parity || self.terms.parity == ParityMarks::None {
+            // Nobody checks parity: something else was wrong.
             Verdict::Framing
         } else if *parity == 0 && *framing > 0 && self.terms.parity != ParityMarks::Packet {
             *framing -= 1;
@@ -236,6 +238,16 @@ mod tests {
         let said = hear(&mut hearing, &bytes, 10_000_000, Counters { parity: 1, ..NONE });
         assert!(said[0].starts_with("0: 80 parity suspect @"), "{said:?}");
         assert!(said[0].contains("1A parity suspect @") && said[0].contains(", 01 @"), "{said:?}");
+    }
+
+    #[test]
+    fn where_parity_is_not_checked_a_mark_is_a_framing_error() {
+        let mut hearing = hearing(ParityMarks::None);
+        assert_eq!(
+            hear(&mut hearing, &[0x41, 0xFF, 0, 0x42], 10_000_000, NONE),
+            ["0: 41 parity unknown @9780000±2000000, 42 parity unknown framing error \
+                 @9890000±2000000"]
+        );
     }
 
     #[test]

@@ -146,7 +146,7 @@ fn marks_are_read_across_any_split() {
             }
         }
         let unknown = |byte: &str| format!("{byte} parity unknown");
-        let bad = |byte: &str| format!("{byte} parity error");
+        let bad = |byte: &str| format!("{byte} parity unknown framing error");
         let all =
             [unknown("81"), bad("00"), unknown("01"), unknown("FF"), bad("FF"), unknown("89")];
         assert_eq!(characters(&said), all, "{size} bytes a read");
