@@ -6,7 +6,9 @@ use socketcan::{
 };
 use std::fs;
 use std::ops::Range;
-use std::thread;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// An interface that is gone, or down if it is of a card, when this is.
@@ -89,6 +91,25 @@ impl Interface {
         sent
     }
 
+    /// Sends frames with numbers from zero on, each so long after the one before, until it is told to
+    /// stop. Those that the interface does not take, because it is down, are sent later.
+    pub fn keep_sending(&self, pause: Duration) -> Traffic {
+        let socket = CanSocket::open(&self.name).expect("it is there");
+        let is_over = Arc::new(AtomicBool::new(false));
+        let ends = Arc::clone(&is_over);
+        let sender = thread::spawn(move || {
+            let mut number = 0;
+            while !ends.load(Ordering::Relaxed) {
+                if socket.write_frame(&numbered(number)).is_ok() {
+                    number += 1;
+                }
+                thread::sleep(pause);
+            }
+            number
+        });
+        Traffic { is_over, sender }
+    }
+
     /// Sends one.
     pub fn send_frame(&self, frame: &CanFrame) {
         self.put(&CanSocket::open(&self.name).expect("it is there"), frame);
@@ -101,6 +122,20 @@ impl Interface {
             assert!(begin.elapsed() < PATIENCE, "{} does not send", self.name);
             thread::sleep(Duration::from_micros(100));
         }
+    }
+}
+
+/// Frames that are being sent.
+pub struct Traffic {
+    is_over: Arc<AtomicBool>,
+    sender: JoinHandle<u32>,
+}
+
+impl Traffic {
+    /// Ends it. How many frames it were.
+    pub fn stop(self) -> u32 {
+        self.is_over.store(true, Ordering::Relaxed);
+        self.sender.join().expect("it sends")
     }
 }
 

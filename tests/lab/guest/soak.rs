@@ -1,7 +1,7 @@
 //! CAN at the pace of a full bus and beyond, recorded: nothing is lost, and memory stays flat.
 
 use super::can::Interface;
-use super::tap::Tap;
+use super::tap::{Tap, recorded};
 use std::fs;
 use std::time::Duration;
 
@@ -16,17 +16,6 @@ const GROWTH: u64 = 4096;
 fn span() -> Duration {
     let seconds = std::env::var("FIELDTAP_SOAK").ok();
     Duration::from_secs(seconds.map_or(4, |seconds| seconds.parse().expect("seconds")))
-}
-
-/// The last lines of a recording.
-fn recorded(tape: &str) -> String {
-    let files = fs::read_dir(tape).expect("it was recorded");
-    let files: Vec<String> = files
-        .map(|file| file.expect("it is there").path().to_str().expect("UTF-8").to_owned())
-        .collect();
-    let mut arguments = vec!["stats", "--protocol", "can"];
-    arguments.extend(files.iter().map(String::as_str));
-    Tap::run(&arguments).ends().stderr
 }
 
 #[test]

@@ -187,3 +187,14 @@ pub fn lost(records: &[Value]) -> u64 {
 pub fn of_kind<'a>(records: &'a [Value], kind: &str) -> Vec<&'a Value> {
     records.iter().filter(|record| record["kind"] == kind).collect()
 }
+
+/// The last lines of a recording.
+pub fn recorded(tape: &str) -> String {
+    let files = fs::read_dir(tape).expect("it was recorded");
+    let files: Vec<String> = files
+        .map(|file| file.expect("it is there").path().to_str().expect("UTF-8").to_owned())
+        .collect();
+    let mut arguments = vec!["stats", "--protocol", "can"];
+    arguments.extend(files.iter().map(String::as_str));
+    Tap::run(&arguments).ends().stderr
+}

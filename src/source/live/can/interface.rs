@@ -83,9 +83,12 @@ impl Interface {
         if kind.trim() != CAN_HARDWARE {
             return Err(Refusal::Missing(format!("this is no CAN interface; {}", there())));
         }
-        let unknown = |error| Refusal::Unknown(format!("the system does not tell of it ({error})"));
+        let refuse = |error| match was_removed(&error) {
+            true => Refusal::Missing(missing(name)),
+            false => Refusal::Unknown(format!("the system does not tell of it ({error})")),
+        };
         let details = CanInterface::open(name).and_then(|interface| interface.details());
-        let details = details.map_err(|error| unknown(error.to_string()))?;
+        let details = details.map_err(refuse)?;
         Ok(Interface::of(name, &details, bus(name)))
     }
 
@@ -260,6 +263,16 @@ fn attribute(name: &str, of: &str) -> io::Result<String> {
 fn bus(name: &str) -> Option<String> {
     let link = fs::read_link(path(name)?.join("device/subsystem")).ok()?;
     Some(link.file_name()?.to_string_lossy().into_owned())
+}
+
+/// Whether it is gone as far as netlink goes: sysfs tells of it for a while yet.
+fn was_removed(error: &socketcan::Error) -> bool {
+    let errno = match error {
+        socketcan::Error::Io(error) => error.raw_os_error(),
+        socketcan::Error::Nl(error) => error.errno(),
+        _ => None,
+    };
+    errno == Some(libc::ENODEV)
 }
 
 fn missing(name: &str) -> String {
