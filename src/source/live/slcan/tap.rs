@@ -68,7 +68,8 @@ impl SlcanTap {
         SourceError::new(&self.source, Place::Whole, what)
     }
 
-    /// Has the adapter listen at another rate.
+    /// Has the adapter listen at another rate: nothing else happens meanwhile, for
+    /// [`LONGEST`](super::adapter::LONGEST) at most.
     fn set(&mut self, port: &mut Port, rate: Rate) -> Result<Setting, SourceError> {
         self.ear.begin();
         port.listen(rate, self.options.allow_active)
