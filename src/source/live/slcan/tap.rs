@@ -6,7 +6,7 @@ use super::super::{LiveOptions, PATIENCE, Tap};
 use super::adapter::{Adapter, Problem, Rate, Setting};
 use super::ear::Ear;
 use super::search::{Search, Step};
-use dissectors::event::{Loss, LossCause};
+use dissectors::event::{Loss, LossCause, Moment};
 use serialport::SerialPort;
 use std::io;
 use std::thread;
@@ -92,9 +92,14 @@ impl SlcanTap {
                 Ok(State::Searching(port, setting, search.begin_window(Instant::now())))
             }
             Step::Failed(why) => Err(self.error(why)),
-            Step::Found(frames) => {
+            Step::Found(frames, dropped) => {
                 self.ear.announce(&setting, out);
+                let last = frames.last().map_or(Moment::UNKNOWN, |frame| frame.start);
                 frames.into_iter().for_each(|frame| out.frame(BUS, frame));
+                if dropped > 0 {
+                    let cause = LossCause::Capture;
+                    out.lost(BUS, Loss { start: last, count: Some(dropped), cause });
+                }
                 Ok(State::Listening(port, setting))
             }
             Step::Likely(rate) => {
