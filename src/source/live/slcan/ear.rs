@@ -90,6 +90,7 @@ impl Ear {
         out: &mut Outbox,
     ) -> io::Result<()> {
         if port.read(|saying| self.hear(saying, setting, out))? {
+            self.tell_jump(out);
             return Ok(());
         }
         let now = self.host.now();
@@ -100,6 +101,17 @@ impl Ear {
         };
         out.silence(BUS, until);
         Ok(())
+    }
+
+    /// Says where times begin anew.
+    fn tell_jump(&mut self, out: &mut Outbox) {
+        let Some(behind) = self.stamps.take_jump() else { return };
+        let side = if behind > 0 { "behind" } else { "ahead of" };
+        out.note(&format!(
+            "{}: the adapter's clock was {} ms {side} this host's: times begin anew with the host's",
+            self.source,
+            behind.unsigned_abs() / 1_000_000
+        ));
     }
 
     /// Reads once, and tells what was heard to who looks for the bit rate.
@@ -286,6 +298,16 @@ mod tests {
         let frames = ["123 +0", "456 +9", "123 +19", "silence"];
         assert_eq!(said[..2], ["tty Some(\"hardware\") Some(500000)", note]);
         assert_eq!(said[2..], frames);
+    }
+
+    /// Nothing can be read a second before it was heard.
+    #[test]
+    fn a_clock_that_cannot_be_right_begins_anew_with_a_note() {
+        let said = hear(b"t12300000\rt456003E8\r", true);
+        let begins = "slcan:tty: the adapter's clock was 99";
+        let ends = " ms ahead of this host's: times begin anew with the host's";
+        assert!(said[4].starts_with(begins) && said[4].ends_with(ends), "{said:?}");
+        assert_eq!((said[2].as_str(), said.len()), ("123 +0", 6));
     }
 
     #[test]
