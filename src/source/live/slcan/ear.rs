@@ -89,15 +89,16 @@ impl Ear {
         setting: &Setting,
         out: &mut Outbox,
     ) -> io::Result<()> {
+        // Taken first: this thread may be kept from going on for any time once it has read.
+        let before = self.host.now();
         if port.read(|saying| self.hear(saying, setting, out))? {
             self.tell_jump(out);
             return Ok(());
         }
-        let now = self.host.now();
         let until = match setting.has_stamps {
-            true => self.stamps.shown(now).plus(-LATENCY_NS),
+            true => self.stamps.shown(before).plus(-LATENCY_NS),
             // What is read from now on has later times.
-            false => now,
+            false => before,
         };
         out.silence(BUS, until);
         Ok(())
@@ -238,6 +239,7 @@ mod tests {
     use super::super::adapter::Rate;
     use super::*;
     use dissectors::event::Event;
+    use std::time::Duration;
 
     /// What is said of these bytes of an adapter, a word a piece.
     fn hear(bytes: &[u8], has_stamps: bool) -> Vec<String> {
@@ -298,6 +300,53 @@ mod tests {
         let frames = ["123 +0", "456 +9", "123 +19", "silence"];
         assert_eq!(said[..2], ["tty Some(\"hardware\") Some(500000)", note]);
         assert_eq!(said[2..], frames);
+    }
+
+    /// A thread that waits for the processor after a read that found nothing.
+    #[test]
+    fn silence_is_said_of_what_was_waited_for_and_not_of_what_came_since() {
+        /// A frame, then nothing for long, then one that came 60 ms after the first.
+        struct Held(u32);
+        impl Read for Held {
+            fn read(&mut self, mut buffer: &mut [u8]) -> io::Result<usize> {
+                self.0 += 1;
+                match self.0 {
+                    1 => buffer.write(b"t12300000\r"),
+                    2 => {
+                        std::thread::sleep(Duration::from_millis(150));
+                        Err(io::ErrorKind::TimedOut.into())
+                    }
+                    _ => buffer.write(b"t4560003C\r"),
+                }
+            }
+        }
+        impl Write for Held {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let rate = Rate::new(500_000).expect("adapters have it");
+        let setting = Setting { name: String::new(), rate, has_stamps: true, is_confirmed: true };
+        let (mut ear, mut out) = (Ear::new("tty", "slcan:tty"), Outbox::default());
+        let mut port = Adapter::new(Held(0));
+        for _ in 0..3 {
+            ear.listen(&mut port, &setting, &mut out).expect("the port is there");
+        }
+        let (mut silent_until, mut starts) = (Moment::UNKNOWN, Vec::new());
+        while let Some(piece) = out.next() {
+            match piece.expect("it goes on") {
+                Piece::Heard(_, Event::Frames(frames)) => {
+                    starts.extend(frames.iter().map(|f| f.start))
+                }
+                Piece::Heard(_, Event::Advance(until)) => silent_until = until,
+                _ => panic!("nothing else is said"),
+            }
+        }
+        assert_eq!(starts[1].since(starts[0]), Some(60_000_000));
+        assert!(starts[1].is_after(silent_until), "{starts:?} {silent_until:?}");
     }
 
     /// Nothing can be read a second before it was heard.
