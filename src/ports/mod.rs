@@ -12,7 +12,7 @@ mod serial;
 mod tree;
 mod usable;
 
-pub use can::{CanPort, Link};
+pub use can::{CanPort, Link, USUAL_RATE};
 pub use driver::{Counters, Granularity};
 pub use serial::SerialPort;
 pub use usable::Obstacle;

@@ -1,6 +1,7 @@
 //! What the system knows of a CAN interface: netlink and sysfs, which anybody may ask.
 
 use super::drops::Statistics;
+use crate::ports::USUAL_RATE;
 use dissectors::uart::Baud;
 use socketcan::nl::{CanState, InterfaceDetails};
 use socketcan::{CanCtrlMode, CanInterface};
@@ -13,9 +14,6 @@ const DIRECTORY: &str = "/sys/class/net";
 
 /// The kind of hardware of CAN interfaces (`ARPHRD_CAN`, `linux/if_arp.h`).
 const CAN_HARDWARE: &str = "280";
-
-/// The bit rate in commands where none is set: the slowest of DeviceNet, which is the usual one.
-const USUAL_RATE: u32 = 125_000;
 
 /// ± of a stamp in ns. The kernel stamps in the interrupt of a controller on the board's own buses;
 /// adapters on USB hand over what came within a millisecond or so at once.
@@ -339,7 +337,8 @@ mod tests {
         // No rate was ever set.
         let fresh = InterfaceDetails { is_up: false, ..InterfaceDetails::new(3) };
         let text = on("usb", &fresh).check(false).expect_err("it is down").text().to_owned();
-        assert!(text.contains("bitrate 125000 listen-only on"), "{text}");
+        let command = format!("bitrate {USUAL_RATE} listen-only on");
+        assert!(text.contains(&command), "{text}");
     }
 
     #[test]
