@@ -4,8 +4,9 @@ use super::tap::PATIENCE;
 use socketcan::{
     CanCtrlMode, CanDataFrame, CanFrame, CanInterface, CanSocket, EmbeddedFrame, Socket, StandardId,
 };
-use std::fs;
+use std::fs::{self, OpenOptions};
 use std::ops::Range;
+use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
@@ -45,6 +46,20 @@ impl Interface {
 
     pub fn down(&self) {
         self.link.bring_down().expect("it goes down");
+    }
+
+    /// Whether the card can interrupt the machine (bit 10 of its command register, PCI 3.0 §6.2.2).
+    /// While it cannot, nobody takes from it what it hears.
+    pub fn interrupts(&self, may: bool) {
+        const COMMAND: u64 = 4;
+        const DISABLE: u16 = 1 << 10;
+        let place = format!("/sys/class/net/{}/device/config", self.name);
+        let config = OpenOptions::new().read(true).write(true).open(place).expect("it is a card");
+        let mut command = [0; 2];
+        config.read_exact_at(&mut command, COMMAND).expect("it has one");
+        let others = u16::from_le_bytes(command) & !DISABLE;
+        let command = if may { others } else { others | DISABLE };
+        config.write_all_at(&command.to_le_bytes(), COMMAND).expect("whoever is root may");
     }
 
     /// One of the kernel's counters.
