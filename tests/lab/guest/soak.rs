@@ -25,13 +25,18 @@ fn soak_a_full_can_bus_is_recorded_whole_in_flat_memory() {
     let mut tap = Tap::run(&["record", "can:vcan0", "-w", "/tmp/full"]);
     tap.wait_for_words("virtual");
     let first = bus.send_at(FULL, span() / 4);
-    let before = tap.memory();
+    let (before, busy) = (tap.memory(), tap.processor_time());
     let second = bus.send_at(FULL, span() * 3 / 4);
-    let after = tap.memory();
+    let (after, busy) = (tap.memory(), tap.processor_time() - busy);
     let run = tap.stop();
     assert_eq!(run.status, Some(0), "{}", run.stderr);
     let told = recorded("/tmp/full");
-    println!("{} frames at {FULL}/s; {before} KiB, at the end {after} KiB", first + second);
+    let frame = busy.as_nanos() / u128::from(second.max(1));
+    println!(
+        "soak: {} frames at {FULL}/s, recorded whole; {before} KiB, at the end {after} KiB; {frame} \
+         ns of processor time a frame, emulated",
+        first + second
+    );
     assert!(told.contains(&format!(" {} frames", first + second)), "{told}{}", run.stderr);
     assert!(!told.contains("loss"), "{told}");
     assert!(after <= before + GROWTH, "{before} KiB, then {after} KiB");
