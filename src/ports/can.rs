@@ -76,6 +76,9 @@ pub struct Statistics {
 /// ARPHRD_CAN of the kernel's if_arp.h.
 const ARPHRD_CAN: u32 = 280;
 
+/// The bit rate in commands where none is set: the slowest of DeviceNet, which is the usual one.
+pub const USUAL_RATE: u32 = 125_000;
+
 /// IFF_UP of the kernel's if.h.
 const IFF_UP: u32 = 1;
 
@@ -133,7 +136,7 @@ fn port(machine: &Machine, name: String, place: &Path) -> CanPort {
 /// What keeps an interface from being listened to, or is to be known.
 fn obstacle(port: &CanPort) -> Option<Obstacle> {
     let CanPort { name, is_real, is_up, link, .. } = port;
-    let rate = link.as_ref().and_then(|link| link.bitrate).unwrap_or(500_000);
+    let rate = link.as_ref().and_then(|link| link.bitrate).unwrap_or(USUAL_RATE);
     let set_up = format!("ip link set {name} up type can bitrate {rate} listen-only on");
     let listens_only = link.as_ref().and_then(|link| link.listen_only);
     let is_off = link.as_ref().and_then(|link| link.state) == Some("bus-off");

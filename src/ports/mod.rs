@@ -13,7 +13,7 @@ mod serial;
 mod tree;
 mod usable;
 
-pub use can::{CanPort, Link};
+pub use can::{CanPort, Link, USUAL_RATE};
 pub use driver::{Counters, Driver, Granularity, PROOF, UNPROVEN, is_unproven};
 pub use holder::holders;
 pub use serial::SerialPort;

@@ -300,6 +300,10 @@ fn a_can_interface_must_be_up_and_listen_only() {
 
     fake.write("sys/class/net/can0/flags", DOWN);
     assert_eq!(whats(&told(|_| running(true)).obstacles), [("it is down", false)]);
+    // No rate was ever set: the one that `read can:` proposes too.
+    let fresh = told(|_| Some(Link { bitrate: None, ..running(true)? }));
+    let remedy = &fresh.obstacles[0].remedy;
+    assert!(remedy.contains("bitrate 125000 listen-only on"), "{remedy}");
 }
 
 #[test]

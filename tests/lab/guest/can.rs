@@ -4,9 +4,12 @@ use super::tap::PATIENCE;
 use socketcan::{
     CanCtrlMode, CanDataFrame, CanFrame, CanInterface, CanSocket, EmbeddedFrame, Socket, StandardId,
 };
-use std::fs;
+use std::fs::{self, OpenOptions};
 use std::ops::Range;
-use std::thread;
+use std::os::unix::fs::FileExt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// An interface that is gone, or down if it is of a card, when this is.
@@ -48,6 +51,20 @@ impl Interface {
 
     pub fn down(&self) {
         self.link.bring_down().expect("it goes down");
+    }
+
+    /// Whether the card can interrupt the machine (bit 10 of its command register, PCI 3.0 §6.2.2).
+    /// While it cannot, nobody takes from it what it hears.
+    pub fn interrupts(&self, may: bool) {
+        const COMMAND: u64 = 4;
+        const DISABLE: u16 = 1 << 10;
+        let place = format!("/sys/class/net/{}/device/config", self.name);
+        let config = OpenOptions::new().read(true).write(true).open(place).expect("it is a card");
+        let mut command = [0; 2];
+        config.read_exact_at(&mut command, COMMAND).expect("it has one");
+        let others = u16::from_le_bytes(command) & !DISABLE;
+        let command = if may { others } else { others | DISABLE };
+        config.write_all_at(&command.to_le_bytes(), COMMAND).expect("whoever is root may");
     }
 
     /// One of the kernel's counters.
@@ -94,6 +111,25 @@ impl Interface {
         sent
     }
 
+    /// Sends frames with numbers from zero on, each so long after the one before, until it is told to
+    /// stop. Those that the interface does not take, because it is down, are sent later.
+    pub fn keep_sending(&self, pause: Duration) -> Traffic {
+        let socket = CanSocket::open(&self.name).expect("it is there");
+        let is_over = Arc::new(AtomicBool::new(false));
+        let ends = Arc::clone(&is_over);
+        let sender = thread::spawn(move || {
+            let mut number = 0;
+            while !ends.load(Ordering::Relaxed) {
+                if socket.write_frame(&numbered(number)).is_ok() {
+                    number += 1;
+                }
+                thread::sleep(pause);
+            }
+            number
+        });
+        Traffic { is_over, sender }
+    }
+
     /// Sends one.
     pub fn send_frame(&self, frame: &CanFrame) {
         self.put(&CanSocket::open(&self.name).expect("it is there"), frame);
@@ -106,6 +142,20 @@ impl Interface {
             assert!(begin.elapsed() < PATIENCE, "{} does not send", self.name);
             thread::sleep(Duration::from_micros(100));
         }
+    }
+}
+
+/// Frames that are being sent.
+pub struct Traffic {
+    is_over: Arc<AtomicBool>,
+    sender: JoinHandle<u32>,
+}
+
+impl Traffic {
+    /// Ends it. How many frames it were.
+    pub fn stop(self) -> u32 {
+        self.is_over.store(true, Ordering::Relaxed);
+        self.sender.join().expect("it sends")
     }
 }
 

@@ -135,6 +135,16 @@ impl Tap {
         line.split_whitespace().nth(1).and_then(|kib| kib.parse().ok()).expect("a number")
     }
 
+    /// Processor time that it took so far, its own and the system's (fields 14 and 15 of `proc(5)`).
+    /// The kernel counts it in hundredths of a second.
+    pub fn processor_time(&self) -> Duration {
+        let path = format!("/proc/{}/stat", self.program.id());
+        let stat = fs::read_to_string(path).expect("it runs");
+        let (_, fields) = stat.rsplit_once(") ").expect("its name is in parentheses");
+        let ticks = fields.split(' ').skip(11).take(2).map(|ticks| ticks.parse::<u64>());
+        Duration::from_millis(10 * ticks.map(|ticks| ticks.expect("a number")).sum::<u64>())
+    }
+
     pub fn signal(&self, signal: libc::c_int) {
         let id = libc::pid_t::try_from(self.program.id()).expect("an id");
         // SAFETY: no memory is involved.
@@ -186,4 +196,15 @@ pub fn lost(records: &[Value]) -> u64 {
 /// Those of a kind.
 pub fn of_kind<'a>(records: &'a [Value], kind: &str) -> Vec<&'a Value> {
     records.iter().filter(|record| record["kind"] == kind).collect()
+}
+
+/// The last lines of a recording.
+pub fn recorded(tape: &str) -> String {
+    let files = fs::read_dir(tape).expect("it was recorded");
+    let files: Vec<String> = files
+        .map(|file| file.expect("it is there").path().to_str().expect("UTF-8").to_owned())
+        .collect();
+    let mut arguments = vec!["stats", "--protocol", "can"];
+    arguments.extend(files.iter().map(String::as_str));
+    Tap::run(&arguments).ends().stderr
 }

@@ -1,14 +1,24 @@
 //! A virtual CAN interface: everything comes or is counted, in its order and with its time.
 
 use super::can::{Interface, numbers};
-use super::tap::{Tap, lost, of_kind};
+use super::tap::{Tap, lost, of_kind, recorded};
 use serde_json::Value;
 use socketcan::{CanErrorFrame, CanFrame};
+use std::fs;
+use std::time::{Duration, SystemTime};
 
 const ARGUMENTS: [&str; 3] = ["can:vcan0", "--protocol", "can"];
 
 /// It says so once it listens.
 const LISTENS: &str = "virtual";
+
+/// How late a busy machine may notice something, in ns.
+const SOON_NS: u64 = 500_000_000;
+
+/// The time in ns, as records have it.
+fn now() -> u64 {
+    SystemTime::UNIX_EPOCH.elapsed().expect("after 1970").as_nanos() as u64
+}
 
 fn assert_ascending(records: &[Value]) {
     for pair in records.windows(2) {
@@ -118,6 +128,65 @@ fn vcan_an_interface_that_goes_down_is_waited_for() {
     assert_eq!(kinds.first(), Some(&"lost"), "{:?}", run.records);
     assert!(run.stderr.contains("-> nobody listened meanwhile"), "{}", run.stderr);
     assert_eq!(run.status, Some(130), "{}", run.stderr);
+}
+
+/// Whoever sets an interface to something else takes it down for a moment only, and a busy bus leaves
+/// no pause behind.
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn vcan_an_interface_that_is_down_for_a_moment_on_a_busy_bus_is_told_at_once() {
+    let bus = Interface::virtual_one("vcan0");
+    let mut tap = Tap::listen(&ARGUMENTS, LISTENS);
+    let traffic = bus.keep_sending(Duration::from_millis(1));
+    tap.wait_for(100, "frame");
+    let mut falls = Vec::new();
+    for _ in 0..3 {
+        let before = now();
+        bus.down();
+        bus.up();
+        falls.push(before..now() + SOON_NS);
+        tap.wait_for(tap.records().len() + 500, "frame");
+    }
+    let sent = traffic.stop();
+    let run = tap.stop();
+
+    // An interface that goes down takes some and throws them away; the kernel counts most of them.
+    let numbers = numbers(&run.records);
+    assert!(numbers.is_sorted() && numbers.last() == Some(&(sent - 1)));
+    let accounted = numbers.len() as u64 + lost(&run.records);
+    assert!(
+        (u64::from(sent - 100)..=u64::from(sent)).contains(&accounted),
+        "{accounted} of {sent}"
+    );
+    let losses = of_kind(&run.records, "lost");
+    let falls_told = losses.iter().filter(|record| record["lost"].is_null());
+    let told: Vec<u64> = falls_told.map(|it| it["time_ns"].as_u64().expect("a time")).collect();
+    assert_eq!(told.len(), falls.len(), "{losses:?}");
+    let is_soon = told.iter().zip(&falls).all(|(at, fall)| fall.contains(at));
+    assert!(is_soon, "{told:?} {falls:?}");
+    assert_eq!(run.stderr.matches("went down").count(), falls.len(), "{}", run.stderr);
+    assert_eq!(run.stderr.matches(LISTENS).count(), 1 + falls.len(), "{}", run.stderr);
+    assert_ascending(&run.records);
+}
+
+/// The user ends it while it waits.
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn vcan_a_recording_of_an_interface_that_is_down_ends_well() {
+    let bus = Interface::virtual_one("vcan0");
+    let mut tap = Tap::run(&["record", "can:vcan0", "-w", "/tmp/down"]);
+    tap.wait_for_words(LISTENS);
+    bus.send(0..10);
+    tap.signal(libc::SIGSTOP);
+    bus.send(10..500);
+    bus.down();
+    tap.signal(libc::SIGCONT);
+    tap.wait_for_words("went down");
+    let run = tap.stop();
+    assert_eq!(run.status, Some(0), "{}", run.stderr);
+    let told = recorded("/tmp/down");
+    assert!(told.contains(" 500 frames"), "{told}{}", run.stderr);
+    fs::remove_dir_all("/tmp/down").expect("it is there");
 }
 
 #[test]

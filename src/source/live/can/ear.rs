@@ -95,8 +95,27 @@ impl<S: SocketOptions> Ear<S> {
     /// Says what came until now and is still queued, and what the socket dropped.
     pub fn tell_rest(&mut self, out: &mut Outbox) {
         let end = now();
-        while !self.heard_until.is_after(end) && self.listen(out).unwrap_or(false) {}
+        while !self.heard_until.is_after(end) && self.receive_rest() > 0 {
+            self.tell_heard(out);
+        }
         self.tell_dropped(self.receiver.drops(), out);
+    }
+
+    /// An error is told once, and what was queued before it is there all the same.
+    fn receive_rest(&mut self) -> usize {
+        let count = self.receiver.receive_queued().or_else(|_| self.receiver.receive_queued());
+        count.unwrap_or(0)
+    }
+
+    /// The interface has stopped: says what came before. From the time that is returned on nothing
+    /// is known of the bus.
+    pub fn tell_before_stop(&mut self, out: &mut Outbox) -> Moment {
+        let stop = now();
+        self.tell_rest(out);
+        if !self.heard_until.is_after(stop) {
+            self.heard_until = stop;
+        }
+        self.heard_until
     }
 
     /// Says what the interface lost, and error frames did not tell.
@@ -138,7 +157,8 @@ mod tests {
     use super::*;
     use dissectors::can::{Direction, FrameKind};
     use dissectors::event::Event;
-    use std::os::unix::net::UnixDatagram;
+    use std::os::linux::net::SocketAddrExt;
+    use std::os::unix::net::{SocketAddr, UnixDatagram};
 
     fn ear() -> (UnixDatagram, Ear<Stand<UnixDatagram>>) {
         let (near, receiver) = pair();
@@ -230,6 +250,25 @@ mod tests {
         let mut out = Outbox::default();
         ear.tell_rest(&mut out);
         assert_eq!(said(&mut out).0.len(), 200);
+    }
+
+    /// An error stands before what is queued: here that the peer took another one (`ECONNRESET`), on
+    /// a CAN socket that the interface is down.
+    #[test]
+    fn what_was_queued_before_an_error_is_heard() {
+        let (near, mut ear) = ear();
+        let another = SocketAddr::from_abstract_name(format!("fieldtap-{}", std::process::id()));
+        let another = another.expect("it is short");
+        let _peer = UnixDatagram::bind_addr(&another).expect("nobody else has it");
+        for _ in 0..200 {
+            near.send(&bytes(0x123, &[], 16)).expect("there is a reader");
+        }
+        near.connect_addr(&another).expect("it is bound");
+        let (mut out, before) = (Outbox::default(), now());
+        let since = ear.tell_before_stop(&mut out);
+        assert_eq!(said(&mut out).0.len(), 200);
+        // Nothing that was heard, and no end, is before the time that is told of the loss.
+        assert!(!before.is_after(since) && ear.heard_until() == since);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What the system knows of a CAN interface: netlink and sysfs, which anybody may ask.
 
 use super::drops::Statistics;
+use crate::ports::USUAL_RATE;
 use dissectors::uart::Baud;
 use socketcan::nl::{CanState, InterfaceDetails};
 use socketcan::{CanCtrlMode, CanInterface};
@@ -13,9 +14,6 @@ const DIRECTORY: &str = "/sys/class/net";
 
 /// The kind of hardware of CAN interfaces (`ARPHRD_CAN`, `linux/if_arp.h`).
 const CAN_HARDWARE: &str = "280";
-
-/// The bit rate in commands where none is set: the slowest of DeviceNet, which is the usual one.
-const USUAL_RATE: u32 = 125_000;
 
 /// ± of a stamp in ns. The kernel stamps in the interrupt of a controller on the board's own buses;
 /// adapters on USB hand over what came within a millisecond or so at once.
@@ -83,9 +81,12 @@ impl Interface {
         if kind.trim() != CAN_HARDWARE {
             return Err(Refusal::Missing(format!("this is no CAN interface; {}", there())));
         }
-        let unknown = |error| Refusal::Unknown(format!("the system does not tell of it ({error})"));
+        let refuse = |error| match was_removed(&error) {
+            true => Refusal::Missing(missing(name)),
+            false => Refusal::Unknown(format!("the system does not tell of it ({error})")),
+        };
         let details = CanInterface::open(name).and_then(|interface| interface.details());
-        let details = details.map_err(|error| unknown(error.to_string()))?;
+        let details = details.map_err(refuse)?;
         Ok(Interface::of(name, &details, bus(name)))
     }
 
@@ -262,6 +263,16 @@ fn bus(name: &str) -> Option<String> {
     Some(link.file_name()?.to_string_lossy().into_owned())
 }
 
+/// Whether it is gone as far as netlink goes: sysfs tells of it for a while yet.
+fn was_removed(error: &socketcan::Error) -> bool {
+    let errno = match error {
+        socketcan::Error::Io(error) => error.raw_os_error(),
+        socketcan::Error::Nl(error) => error.errno(),
+        _ => None,
+    };
+    errno == Some(libc::ENODEV)
+}
+
 fn missing(name: &str) -> String {
     format!("there is no interface {}; {}", name.escape_debug(), there())
 }
@@ -326,7 +337,8 @@ mod tests {
         // No rate was ever set.
         let fresh = InterfaceDetails { is_up: false, ..InterfaceDetails::new(3) };
         let text = on("usb", &fresh).check(false).expect_err("it is down").text().to_owned();
-        assert!(text.contains("bitrate 125000 listen-only on"), "{text}");
+        let command = format!("bitrate {USUAL_RATE} listen-only on");
+        assert!(text.contains(&command), "{text}");
     }
 
     #[test]

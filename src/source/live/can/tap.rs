@@ -7,7 +7,7 @@ use super::ear::{self, BUS, now};
 use super::interface::{self, Interface, Refusal};
 use super::socket;
 use dissectors::bus::WireFacts;
-use dissectors::event::{Clock, Loss, LossCause};
+use dissectors::event::{Clock, Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use socketcan::CanFdSocket;
@@ -39,8 +39,6 @@ type Ear = ear::Ear<CanFdSocket>;
 
 enum State {
     Hearing(Ear),
-    /// The interface is down. What was queued before is still to be read.
-    Falling(Ear),
     Down(Ear),
     Gone,
 }
@@ -110,48 +108,59 @@ impl CanTap {
         Ok(State::Hearing(ear))
     }
 
-    /// Reads what was queued before the interface went down.
-    fn fall(&mut self, mut ear: Ear, out: &mut Outbox) -> Result<State, SourceError> {
-        match ear.listen(out) {
-            Ok(true) => Ok(State::Falling(ear)),
-            Ok(false) => {
-                self.miss(out);
+    /// The socket told what became of the interface.
+    fn lose(
+        &mut self,
+        mut ear: Ear,
+        error: io::Error,
+        out: &mut Outbox,
+    ) -> Result<State, SourceError> {
+        let since = ear.tell_before_stop(out);
+        let is_there = interface::is_there(&self.name);
+        match error.raw_os_error() {
+            Some(libc::ENETDOWN) if is_there => {
+                self.miss(since, out);
                 out.warning(self.error("the interface went down: waiting for it to come up again"));
-                Ok(State::Down(ear))
+                // It may have been for a moment only, in which it was set to something else.
+                self.look_up(ear, out)
             }
-            Err(error) => self.lose(ear, error, out),
+            Some(libc::ENODEV) => self.vanish(since, out),
+            _ if !is_there => self.vanish(since, out),
+            _ => {
+                let cause = Some(error);
+                Err(SourceError { cause, ..self.error("the interface cannot be read") })
+            }
         }
     }
 
-    /// The socket told what became of the interface.
-    fn lose(&mut self, ear: Ear, error: io::Error, out: &mut Outbox) -> Result<State, SourceError> {
-        if interface::is_there(&self.name) && error.raw_os_error() == Some(libc::ENETDOWN) {
-            return Ok(State::Falling(ear));
-        }
-        if interface::is_there(&self.name) && error.raw_os_error() != Some(libc::ENODEV) {
-            let cause = Some(error);
-            return Err(SourceError { cause, ..self.error("the interface cannot be read") });
-        }
+    /// The interface is gone.
+    fn vanish(&mut self, since: Moment, out: &mut Outbox) -> Result<State, SourceError> {
         if !self.options.reconnect {
             return Err(self.error(
                 "the interface is gone: was the adapter unplugged? --reconnect waits for it",
             ));
         }
-        self.miss(out);
+        self.miss(since, out);
         out.warning(self.error("the interface is gone: waiting for it to come back"));
         Ok(State::Gone)
     }
 
-    /// From here on something may be on the bus that is not heard.
-    fn miss(&self, out: &mut Outbox) {
-        out.lost(BUS, Loss { start: now(), count: None, cause: LossCause::Deaf });
+    /// From this time on something may be on the bus that is not heard.
+    fn miss(&self, start: Moment, out: &mut Outbox) {
+        out.lost(BUS, Loss { start, count: None, cause: LossCause::Deaf });
     }
 
-    /// Looks whether an interface that is down is up again: its socket hears it then.
+    /// Looks now and then whether an interface that is down is up again.
     fn stay_down(&mut self, ear: Ear, out: &mut Outbox) -> Result<State, SourceError> {
-        if !self.is_time_to_look() {
-            return Ok(State::Down(ear));
+        match self.is_time_to_look() {
+            true => self.look_up(ear, out),
+            false => Ok(State::Down(ear)),
         }
+    }
+
+    /// Looks whether an interface that went down is up again: its socket hears it then.
+    fn look_up(&mut self, ear: Ear, out: &mut Outbox) -> Result<State, SourceError> {
+        self.next_look = Instant::now() + RETURN;
         match Interface::ask(&self.name) {
             Ok(interface) if !interface.is_up() => Ok(State::Down(ear)),
             Ok(interface) => {
@@ -166,10 +175,7 @@ impl CanTap {
                 self.come_back(interface, out);
                 Ok(State::Hearing(ear))
             }
-            Err(Refusal::Missing(_)) => {
-                let gone = io::Error::from_raw_os_error(libc::ENODEV);
-                self.lose(ear, gone, out)
-            }
+            Err(Refusal::Missing(_)) => self.vanish(now(), out),
             Err(refusal) => Err(self.error(refusal.text())),
         }
     }
@@ -245,7 +251,6 @@ impl Reader for CanTap {
         let state = match self.state.take() {
             None => return Ok(false),
             Some(State::Hearing(ear)) => self.hear(ear, out)?,
-            Some(State::Falling(ear)) => self.fall(ear, out)?,
             Some(State::Down(ear)) => self.stay_down(ear, out)?,
             Some(State::Gone) => self.stay_gone(out),
         };
@@ -256,7 +261,7 @@ impl Reader for CanTap {
 
 impl Tap for CanTap {
     fn end(&mut self, out: &mut Outbox) {
-        if let Some(State::Hearing(ear)) = &mut self.state
+        if let Some(State::Hearing(ear) | State::Down(ear)) = &mut self.state
             && self.is_announced
         {
             ear.tell_rest(out);

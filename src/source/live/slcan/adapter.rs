@@ -5,8 +5,12 @@ use std::io::{self, Read, Write};
 use std::ops::{ControlFlow, Range};
 use std::time::{Duration, Instant};
 
-/// How long an answer is waited for.
-const ANSWER: Duration = Duration::from_millis(500);
+/// How long [`Adapter::listen`] takes at most, whatever the adapter does.
+pub const LONGEST: Duration = Duration::from_secs(4);
+
+/// How long an answer is waited for. There are seven at most, and each takes longer by a last read and
+/// by what the port has no room for the command.
+const ANSWER: Duration = Duration::from_millis(LONGEST.as_secs() * 1000 / 8);
 
 /// Bit rates in bit/s, in the order of the numbers that `S` takes (Lawicel manual).
 const RATES: [u32; 9] =
@@ -127,7 +131,7 @@ impl<P: Read + Write> Adapter<P> {
         Adapter { port, splitter, buffer, unread: 0..0 }
     }
 
-    /// Has it listen at a bit rate, and stamp frames if it can.
+    /// Has it listen at a bit rate, and stamp frames if it can. It is back within [`LONGEST`].
     ///
     /// # Errors
     /// The port failed, or the adapter does not listen: whatever it does not confirm counts as
@@ -183,8 +187,8 @@ impl<P: Read + Write> Adapter<P> {
     fn ask(&mut self, command: Command) -> io::Result<Answer> {
         let bytes = command.bytes();
         let length = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+        // No flush: it would wait without end for an adapter that takes nothing (`tcdrain(3)`).
         self.port.write_all(&bytes[..length])?;
-        self.port.flush()?;
         let (begin, mut answer) = (Instant::now(), Answer::None);
         while answer == Answer::None && begin.elapsed() < ANSWER {
             self.read_while(|saying| {
@@ -246,7 +250,7 @@ fn is_pause(error: &io::Error) -> bool {
 impl<P: Read + Write> Drop for Adapter<P> {
     /// Has it leave the bus. Nothing can be done where it does not.
     fn drop(&mut self) {
-        let _ = self.port.write_all(b"C\r").and_then(|()| self.port.flush());
+        let _ = self.port.write_all(b"C\r");
     }
 }
 
@@ -284,7 +288,7 @@ mod tests {
         }
 
         fn flush(&mut self) -> io::Result<()> {
-            Ok(())
+            panic!("an adapter that is stuck never lets this return")
         }
     }
 
@@ -360,6 +364,40 @@ mod tests {
         assert!(setting.expect_err("it may take part").contains("does not confirm L"));
         let (setting, _) = listen(but_listen, true);
         assert!(!setting.expect("the user knows").is_confirmed);
+    }
+
+    #[test]
+    fn no_adapter_keeps_the_tap_longer_than_said() {
+        /// Says something else again and again, or nothing.
+        struct Stubborn(&'static [u8]);
+        impl Read for Stubborn {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                std::thread::sleep(Duration::from_millis(10));
+                match self.0 {
+                    b"" => Err(io::ErrorKind::TimedOut.into()),
+                    mut told => told.read(buffer),
+                }
+            }
+        }
+        impl Write for Stubborn {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                panic!("an adapter that is stuck never lets this return")
+            }
+        }
+        let rate = Rate::new(125_000).expect("adapters have it");
+        let listen = |told: &'static str| {
+            let (begin, mut adapter) = (Instant::now(), Adapter::new(Stubborn(told.as_bytes())));
+            assert!(adapter.listen(rate, false).is_err());
+            assert!(begin.elapsed() < LONGEST, "{told:?}: {:?}", begin.elapsed());
+        };
+        std::thread::scope(|scope| {
+            for told in ["", "t1230\r", "x"] {
+                scope.spawn(move || listen(told));
+            }
+        });
     }
 
     #[test]

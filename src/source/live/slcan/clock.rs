@@ -2,13 +2,25 @@
 
 use super::line::STAMPS;
 use dissectors::event::Moment;
-use std::time::{Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 const MS: i64 = 1_000_000;
 
+/// How long the adapter's clock is compared with the host's before it is corrected, in ns. A line is
+/// never read before its stamp, and may be read later; that all of them are for so long is no host's
+/// doing.
+const WINDOW_NS: i64 = 10_000 * MS;
+
+/// What is corrected at once, in ns: no more than what a stamp is worth. In each window that makes up
+/// for 100 ppm, and crystals are good to 50.
+const STEP_NS: i64 = MS;
+
+/// Beyond that, in ns, it is no clock that drifts but one that stood still, began anew or is no good.
+const FAR_NS: i64 = 100 * MS;
+
 /// The time of this host, which does not jump while a tap listens.
 pub struct HostClock {
-    began: Instant,
+    began: Duration,
     wall: Moment,
 }
 
@@ -17,21 +29,42 @@ impl HostClock {
     pub fn new() -> Self {
         let wall = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
         let wall = Moment::from_ns(i64::try_from(wall.as_nanos()).unwrap_or(i64::MAX));
-        HostClock { began: Instant::now(), wall }
+        HostClock { began: running(), wall }
     }
 
     /// The time.
     pub fn now(&self) -> Moment {
-        let elapsed = self.began.elapsed().as_nanos();
+        let elapsed = running().saturating_sub(self.began).as_nanos();
         self.wall.plus(i64::try_from(elapsed).unwrap_or(i64::MAX))
     }
 }
 
+/// The time since the host was started. It goes on while the host is suspended, as that of
+/// `Instant` does not.
+#[cfg(target_os = "linux")]
+fn running() -> Duration {
+    use rustix::time::{ClockId, clock_gettime};
+    Duration::try_from(clock_gettime(ClockId::Boottime)).unwrap_or_default()
+}
+
+/// The time since this program first asked.
+#[cfg(not(target_os = "linux"))]
+fn running() -> Duration {
+    use std::sync::OnceLock;
+    use std::time::Instant;
+    static FIRST: OnceLock<Instant> = OnceLock::new();
+    FIRST.get_or_init(Instant::now).elapsed()
+}
+
 /// The milliseconds of an adapter, which begin again every minute, as times that go on. The first
-/// one is taken for the time when it was read.
+/// one is taken for the time when it was read, and the later ones are kept to the host's clock.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct AdapterClock {
     last: Option<Stamp>,
+    window: Option<Window>,
+    /// What is still to be corrected, in ns.
+    owed: i64,
+    jump: Option<i64>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -41,23 +74,63 @@ struct Stamp {
     read: Moment,
 }
 
+/// How late lines were read at least, in ns.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    until: Moment,
+    least: i64,
+}
+
 impl AdapterClock {
     /// The time of a stamp that was read at this time: minutes that passed in silence are counted
     /// by the host's clock.
     pub fn at(&mut self, ms: u16, read: Moment) -> Moment {
         let at = match self.last {
-            None => read,
+            None => self.compare(read, read),
             Some(last) => {
                 let minute = i64::from(STAMPS);
                 let step = i64::from(ms) - i64::from(last.ms);
                 let passed = read.since(last.read).unwrap_or(0) / MS;
                 // The nearest whole number of minutes.
                 let minutes = (passed - step + minute / 2).div_euclid(minute);
-                last.at.plus((step + minutes * minute) * MS)
+                let at = self.correct(last.at, last.at.plus((step + minutes * minute) * MS));
+                self.compare(at, read)
             }
         };
         self.last = Some(Stamp { ms, at, read });
         at
+    }
+
+    /// Corrects a time by what is owed, but never back before the last one.
+    fn correct(&mut self, last: Moment, at: Moment) -> Moment {
+        let passed = at.since(last).unwrap_or(0).max(0);
+        let correction = self.owed.max(-passed);
+        self.owed -= correction;
+        at.plus(correction)
+    }
+
+    /// Compares a time with that of reading, which is the time itself where it is far from it.
+    fn compare(&mut self, at: Moment, read: Moment) -> Moment {
+        let late = read.since(at).unwrap_or(0) - self.owed;
+        let window = self.window.get_or_insert(Window { until: read.plus(WINDOW_NS), least: late });
+        window.least = window.least.min(late);
+        let Window { until, least } = *window;
+        let is_over = read.is_after(until);
+        if least < -FAR_NS || (is_over && least > FAR_NS) {
+            *self = AdapterClock { jump: Some(late), ..AdapterClock::default() };
+            return read;
+        }
+        if is_over {
+            self.window = None;
+            self.owed += least.clamp(-STEP_NS, STEP_NS);
+        }
+        at
+    }
+
+    /// How far in ns the adapter's clock was behind the host's when its times last began anew, if
+    /// they did since this was last asked.
+    pub fn take_jump(&mut self) -> Option<i64> {
+        self.jump.take()
     }
 
     /// What the adapter's clock shows at a time of the host's.
@@ -68,7 +141,7 @@ impl AdapterClock {
 
     /// The adapter begins anew.
     pub fn forget(&mut self) {
-        self.last = None;
+        *self = AdapterClock::default();
     }
 }
 
@@ -111,5 +184,62 @@ mod tests {
         // Read 40 ms late.
         clock.at(20, host(1_050));
         assert_eq!(clock.shown(host(2_050)), host(2_010));
+    }
+
+    /// An adapter that was heard every 100 ms for so many seconds of the host's, and whose clock is
+    /// so many ppm fast: how far its times were off at most in ms, and how often they began anew.
+    /// Lines are read 1 to 8 ms late.
+    fn drift(ppm: i64, seconds: i64) -> (i64, usize) {
+        let (mut clock, mut worst, mut jumps) = (AdapterClock::default(), 0, 0);
+        let mut last = Moment::UNKNOWN;
+        for ms in (0..seconds * 1000).step_by(100) {
+            let shown = (ms + ms * ppm / 1_000_000).rem_euclid(i64::from(STAMPS));
+            let late = 1 + ms / 100 * 5 % 8;
+            let at = clock.at(shown as u16, Moment::from_ns((ms + late) * MS));
+            let jump = clock.take_jump();
+            assert!(jump.is_some() || !last.is_after(at), "{ppm} ppm, {ms} ms: {last:?} {at:?}");
+            (last, jumps) = (at, jumps + usize::from(jump.is_some()));
+            worst = worst.max((at.ns().expect("known") / MS - ms).abs());
+        }
+        (worst, jumps)
+    }
+
+    #[test]
+    fn a_clock_that_drifts_as_crystals_do_is_kept_to_the_hosts_without_a_jump() {
+        // In a day 50 ppm are 4.3 s.
+        for ppm in [-50, 0, 50] {
+            let (worst, jumps) = drift(ppm, 86_400);
+            assert!(worst <= 10 && jumps == 0, "{ppm} ppm: {worst} ms off, {jumps} jumps");
+        }
+    }
+
+    /// 5000 ppm are 50 ms in each window. One that is ahead is found out after 20 s. For one that is
+    /// behind a whole window must be late: four of them pass, less what was corrected, and 8 ms.
+    #[test]
+    fn a_clock_that_is_no_good_begins_anew_and_says_so() {
+        for ppm in [-5000, 5000] {
+            let (worst, jumps) = drift(ppm, 600);
+            assert!(worst <= 4 * 50 + 8, "{ppm} ppm: {worst} ms off");
+            assert!((600 / 40..=600 / 20).contains(&jumps), "{ppm} ppm: {jumps} jumps");
+        }
+    }
+
+    #[test]
+    fn a_host_that_is_late_for_a_while_changes_nothing() {
+        let mut clock = AdapterClock::default();
+        for ms in (0..60_000).step_by(100) {
+            let late = if (20_000..28_000).contains(&ms) { 2_000 } else { 0 };
+            let at = clock.at(ms as u16, Moment::from_ns((ms + late) * MS));
+            assert_eq!((at.ns().map(|ns| ns / MS), clock.take_jump()), (Some(ms), None));
+        }
+    }
+
+    #[test]
+    fn the_host_goes_on() {
+        let clock = HostClock::new();
+        let wall = SystemTime::UNIX_EPOCH.elapsed().expect("after 1970").as_nanos() as i64;
+        std::thread::sleep(Duration::from_millis(20));
+        let off = clock.now().since(Moment::from_ns(wall)).expect("known");
+        assert!((20 * MS..10_000 * MS).contains(&off), "{off}");
     }
 }

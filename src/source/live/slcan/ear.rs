@@ -89,17 +89,30 @@ impl Ear {
         setting: &Setting,
         out: &mut Outbox,
     ) -> io::Result<()> {
+        // Taken first: this thread may be kept from going on for any time once it has read.
+        let before = self.host.now();
         if port.read(|saying| self.hear(saying, setting, out))? {
+            self.tell_jump(out);
             return Ok(());
         }
-        let now = self.host.now();
         let until = match setting.has_stamps {
-            true => self.stamps.shown(now).plus(-LATENCY_NS),
+            true => self.stamps.shown(before).plus(-LATENCY_NS),
             // What is read from now on has later times.
-            false => now,
+            false => before,
         };
         out.silence(BUS, until);
         Ok(())
+    }
+
+    /// Says where times begin anew.
+    fn tell_jump(&mut self, out: &mut Outbox) {
+        let Some(behind) = self.stamps.take_jump() else { return };
+        let side = if behind > 0 { "behind" } else { "ahead of" };
+        out.note(&format!(
+            "{}: the adapter's clock was {} ms {side} this host's: times begin anew with the host's",
+            self.source,
+            behind.unsigned_abs() / 1_000_000
+        ));
     }
 
     /// Reads once, and tells what was heard to who looks for the bit rate.
@@ -226,6 +239,7 @@ mod tests {
     use super::super::adapter::Rate;
     use super::*;
     use dissectors::event::Event;
+    use std::time::Duration;
 
     /// What is said of these bytes of an adapter, a word a piece.
     fn hear(bytes: &[u8], has_stamps: bool) -> Vec<String> {
@@ -286,6 +300,63 @@ mod tests {
         let frames = ["123 +0", "456 +9", "123 +19", "silence"];
         assert_eq!(said[..2], ["tty Some(\"hardware\") Some(500000)", note]);
         assert_eq!(said[2..], frames);
+    }
+
+    /// A thread that waits for the processor after a read that found nothing.
+    #[test]
+    fn silence_is_said_of_what_was_waited_for_and_not_of_what_came_since() {
+        /// A frame, then nothing for long, then one that came 60 ms after the first.
+        struct Held(u32);
+        impl Read for Held {
+            fn read(&mut self, mut buffer: &mut [u8]) -> io::Result<usize> {
+                self.0 += 1;
+                match self.0 {
+                    1 => buffer.write(b"t12300000\r"),
+                    2 => {
+                        std::thread::sleep(Duration::from_millis(150));
+                        Err(io::ErrorKind::TimedOut.into())
+                    }
+                    _ => buffer.write(b"t4560003C\r"),
+                }
+            }
+        }
+        impl Write for Held {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let rate = Rate::new(500_000).expect("adapters have it");
+        let setting = Setting { name: String::new(), rate, has_stamps: true, is_confirmed: true };
+        let (mut ear, mut out) = (Ear::new("tty", "slcan:tty"), Outbox::default());
+        let mut port = Adapter::new(Held(0));
+        for _ in 0..3 {
+            ear.listen(&mut port, &setting, &mut out).expect("the port is there");
+        }
+        let (mut silent_until, mut starts) = (Moment::UNKNOWN, Vec::new());
+        while let Some(piece) = out.next() {
+            match piece.expect("it goes on") {
+                Piece::Heard(_, Event::Frames(frames)) => {
+                    starts.extend(frames.iter().map(|f| f.start))
+                }
+                Piece::Heard(_, Event::Advance(until)) => silent_until = until,
+                _ => panic!("nothing else is said"),
+            }
+        }
+        assert_eq!(starts[1].since(starts[0]), Some(60_000_000));
+        assert!(starts[1].is_after(silent_until), "{starts:?} {silent_until:?}");
+    }
+
+    /// Nothing can be read a second before it was heard.
+    #[test]
+    fn a_clock_that_cannot_be_right_begins_anew_with_a_note() {
+        let said = hear(b"t12300000\rt456003E8\r", true);
+        let begins = "slcan:tty: the adapter's clock was 99";
+        let ends = " ms ahead of this host's: times begin anew with the host's";
+        assert!(said[4].starts_with(begins) && said[4].ends_with(ends), "{said:?}");
+        assert_eq!((said[2].as_str(), said.len()), ("123 +0", 6));
     }
 
     #[test]

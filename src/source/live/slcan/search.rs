@@ -11,8 +11,10 @@ const RATES: [u32; 3] = [125_000, 250_000, 500_000];
 /// How long each is listened to.
 const WINDOW: Duration = Duration::from_secs(2);
 
-/// Most frames that are kept to be told once the rate is known: more than come in that time.
-const MOST: usize = 16_384;
+/// Most frames that are kept to be told once the rate is known. The shortest one has 47 bits: at
+/// 500 kbit/s 21,276 of them come in that time. Those that come besides, because they waited on the
+/// port or no bus sent them, are counted.
+const MOST: usize = 32_768;
 
 /// What is said of it at the beginning.
 pub fn told() -> String {
@@ -26,6 +28,8 @@ pub struct Search {
     until: Instant,
     /// What was heard at this rate.
     frames: Vec<Frame>,
+    /// Frames that there was no room for.
+    dropped: u64,
     errors: u64,
     /// Frames and errors at the rates before.
     heard: Vec<(usize, u64)>,
@@ -37,8 +41,9 @@ pub enum Step {
     Wait,
     /// Listen at the next rate.
     Next(Rate),
-    /// This is the rate; the adapter listens at it, and heard these frames.
-    Found(Vec<Frame>),
+    /// This is the rate; the adapter listens at it, and heard these frames, then so many more that
+    /// were dropped.
+    Found(Vec<Frame>, u64),
     /// This may be the rate: frames came, and errors too. The adapter listens at another one.
     Likely(Rate),
     /// None is: why.
@@ -49,7 +54,7 @@ impl Search {
     /// Begins with the first rate.
     pub fn begin(now: Instant) -> Self {
         let (frames, heard) = (Vec::new(), Vec::new());
-        Search { rate: 0, until: now + WINDOW, frames, errors: 0, heard }
+        Search { rate: 0, until: now + WINDOW, frames, dropped: 0, errors: 0, heard }
     }
 
     /// The rate that is listened to.
@@ -72,7 +77,7 @@ impl Search {
                 }
             }
             _ if self.frames.len() < MOST => self.frames.push(frame),
-            _ => {}
+            _ => self.dropped = self.dropped.saturating_add(1),
         }
     }
 
@@ -87,9 +92,10 @@ impl Search {
             return Step::Wait;
         }
         let frames = std::mem::take(&mut self.frames);
+        let dropped = std::mem::take(&mut self.dropped);
         let errors = std::mem::take(&mut self.errors);
         if !frames.is_empty() && errors == 0 {
-            return Step::Found(frames);
+            return Step::Found(frames, dropped);
         }
         self.heard.push((frames.len(), errors));
         self.rate += 1;
@@ -161,7 +167,9 @@ mod tests {
             match search.step(begin + WINDOW * window) {
                 Step::Wait => panic!("the time is up"),
                 Step::Next(_) => search = search.begin_window(begin + WINDOW * window),
-                Step::Found(frames) => return format!("{} {}", search.rate().get(), frames.len()),
+                Step::Found(frames, dropped) => {
+                    return format!("{} {} {dropped}", search.rate().get(), frames.len());
+                }
                 Step::Likely(rate) => return format!("likely {}", rate.get()),
                 Step::Failed(why) => return why,
             }
@@ -171,9 +179,16 @@ mod tests {
 
     #[test]
     fn the_first_rate_with_frames_and_no_errors_is_it() {
-        assert_eq!(search([(1, 0), (0, 0), (0, 0)]), "125000 1");
-        assert_eq!(search([(0, 9), (7, 0), (0, 0)]), "250000 7");
-        assert_eq!(search([(0, 0), (0, 9), (90_000, 0)]), format!("500000 {MOST}"));
+        assert_eq!(search([(1, 0), (0, 0), (0, 0)]), "125000 1 0");
+        assert_eq!(search([(0, 9), (7, 0), (0, 0)]), "250000 7 0");
+    }
+
+    /// 47 bits are a frame without data, 44, and what lies between two, 3 (ISO 11898-1).
+    #[test]
+    fn as_many_as_a_bus_can_carry_are_kept_and_what_is_beyond_is_counted() {
+        let full = 2 * 500_000 / 47;
+        assert_eq!(search([(0, 0), (0, 9), (full, 0)]), "500000 21276 0");
+        assert_eq!(search([(0, 0), (0, 9), (MOST + 7, 0)]), format!("500000 {MOST} 7"));
     }
 
     #[test]

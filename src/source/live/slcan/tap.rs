@@ -7,7 +7,7 @@ use super::adapter::{Adapter, Problem, Rate, Setting};
 use super::ear::Ear;
 use super::search::{self, Search, Step};
 use crate::ports::holders;
-use dissectors::event::{Loss, LossCause};
+use dissectors::event::{Loss, LossCause, Moment};
 use serialport::SerialPort;
 use std::fs;
 use std::io;
@@ -88,7 +88,8 @@ impl SlcanTap {
         SourceError::new(&self.source, Place::Whole, what)
     }
 
-    /// Has the adapter listen at another rate.
+    /// Has the adapter listen at another rate: nothing else happens meanwhile, for
+    /// [`LONGEST`](super::adapter::LONGEST) at most.
     fn set(&mut self, port: &mut Port, rate: Rate) -> Result<Setting, SourceError> {
         self.ear.begin();
         port.listen(rate, self.options.allow_active)
@@ -114,9 +115,14 @@ impl SlcanTap {
                 Ok(State::Searching(port, setting, search.begin_window(Instant::now())))
             }
             Step::Failed(why) => Err(self.error(why)),
-            Step::Found(frames) => {
+            Step::Found(frames, dropped) => {
                 self.ear.announce(&setting, out);
+                let last = frames.last().map_or(Moment::UNKNOWN, |frame| frame.start);
                 frames.into_iter().for_each(|frame| out.frame(BUS, frame));
+                if dropped > 0 {
+                    let cause = LossCause::Capture;
+                    out.lost(BUS, Loss { start: last, count: Some(dropped), cause });
+                }
                 Ok(State::Listening(port, setting))
             }
             Step::Likely(rate) => {
