@@ -68,7 +68,11 @@ impl Tap {
     }
 
     fn interrupt(&self) {
-        let killed = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
+        self.signal("-INT");
+    }
+
+    fn signal(&self, signal: &str) {
+        let killed = Command::new("kill").args([signal, &self.child.id().to_string()]).status();
         assert!(killed.expect("kill is there").success());
     }
 
@@ -125,6 +129,33 @@ fn a_request_that_nobody_answers_is_told_while_the_line_is_silent() {
     assert!(took > Duration::from_millis(10) && took < Duration::from_secs(1), "{took:?}");
     tap.interrupt();
     assert_eq!(tap.end().status, 130);
+}
+
+/// As a virtual machine is that pauses, or a computer that is too busy.
+#[test]
+fn a_stopped_program_takes_what_came_meanwhile_for_one_piece_and_judges_nothing_across() {
+    let mut tap = Tap::start(&["--profile", "tr"]);
+    tap.send(&EXCHANGE);
+    tap.next();
+    tap.next();
+    tap.signal("-STOP");
+    // 5000 characters of 95486 ns, which nobody counts, take 0.48 s.
+    tap.send(&EXCHANGE.repeat(1250));
+    thread::sleep(Duration::from_millis(800));
+    tap.signal("-CONT");
+    let mut next = || tap.next().0;
+    assert_eq!(codes(&next()), ["uart.lost"], "when they came is not known");
+    let records: Vec<_> = (0..2500).map(|_| next()).collect();
+    assert!(records.iter().all(|record| codes(record).is_empty()));
+    let time = |record: &serde_json::Value| record["time_ns"].as_i64().expect("it is known");
+    // From the first request to the last answer: all but the three characters of that.
+    let span = time(&records[2499]) - time(&records[0]);
+    assert!((span - 4997 * 95_486).abs() < 10_000, "{span}");
+    assert_eq!(codes(&next()), ["uart.lost"], "what came later may have found no room");
+    tap.interrupt();
+    let run = tap.end();
+    assert_eq!(run.status, 130, "{}", run.stderr);
+    assert!(run.stderr.contains("5004 characters, 0 damaged (0.00 %), 2 losses"), "{}", run.stderr);
 }
 
 #[test]

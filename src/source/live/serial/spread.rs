@@ -37,14 +37,25 @@ impl Spread {
         self.ns(1)
     }
 
+    /// Up to when was heard, unless the clock was set back since: it knows nothing of what it said
+    /// before.
+    fn heard_until(&self, now: i64) -> Option<i64> {
+        self.heard_until.filter(|until| *until <= now.saturating_add(self.slack))
+    }
+
+    /// Since when so many characters, whose read returned at `now`, may have come, where they do not
+    /// fill the time since then: their stamps are worth no more than that.
+    pub fn doubt(&self, now: i64, count: usize) -> Option<i64> {
+        let first = now.saturating_sub(self.ns(count));
+        self.heard_until(now).filter(|until| first.saturating_sub(*until) > self.slack)
+    }
+
     /// When each of so many characters began whose read returned at `now`. None begins before what
     /// was read before had ended.
     pub fn place(&mut self, now: i64, count: usize) -> impl Iterator<Item = Moment> + use<> {
         let length = self.ns(count);
         let backwards = now.saturating_sub(length);
-        // A clock that was set back knows nothing of what it said before.
-        let earlier = self.heard_until.filter(|until| *until <= now.saturating_add(self.slack));
-        let first = earlier.map_or(backwards, |until| until.max(backwards));
+        let first = self.heard_until(now).map_or(backwards, |until| until.max(backwards));
         let latest = now.saturating_add(self.slack);
         // More than the line can carry at its rate, or a pseudo terminal, which knows no rate: they
         // are drawn together.
@@ -62,6 +73,11 @@ impl Spread {
             };
             Moment::from_ns(first.saturating_add(offset))
         })
+    }
+
+    /// Up to when was heard, if anything was.
+    pub fn until(&self) -> Option<i64> {
+        self.heard_until
     }
 
     /// Nothing was heard up to `until`, and nothing will turn up before.
@@ -112,6 +128,18 @@ mod tests {
         assert_eq!((starts[0], starts[1], starts[99]), (10_000_000, 10_030_000, 12_970_000));
         let next = placed(&mut spread, 11_000_001, 2);
         assert_eq!(next, [13_000_000, 13_000_000], "there is no room left, and no way back");
+    }
+
+    #[test]
+    fn characters_that_do_not_fill_the_time_since_may_have_come_at_any() {
+        let mut spread = spread();
+        assert_eq!(spread.doubt(10_000_000, 1), None, "nothing was heard before");
+        placed(&mut spread, 10_000_000, 1);
+        // A second later: 10473 characters fill it, and ± 2 ms are 20.9 of them.
+        let now = 1_010_000_000;
+        for (count, since) in [(10_473, None), (10_453, None), (10_451, Some(10_000_000))] {
+            assert_eq!(spread.doubt(now, count), since, "{count}");
+        }
     }
 
     #[test]
