@@ -2,7 +2,8 @@
 //!
 //! A tap listens in a thread of its own that does nothing but stamp what it hears and hand it over.
 //! Decoding and printing come behind, and may be slow without losing anything: what waits is held
-//! here, up to a bound, and beyond that in the kernel, which counts what it drops.
+//! here, up to a bound, and beyond that in the kernel. What the kernel drops is counted by CAN sockets
+//! and some serial drivers only; so where it was left to hold, a loss is told.
 
 mod can;
 mod serial;
@@ -13,11 +14,12 @@ pub use slcan::fuzz as fuzz_slcan;
 use super::outbox::{Outbox, Reader};
 use super::{Piece, Source, SourceError, SourceOptions};
 use crate::interrupt;
+use dissectors::event::{Loss, LossCause, Moment};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 /// How long a tap waits for something to be heard before it says that nothing was.
 pub const PATIENCE: Duration = Duration::from_millis(10);
@@ -25,8 +27,8 @@ pub const PATIENCE: Duration = Duration::from_millis(10);
 /// Deliveries that may wait to be decoded. Those that come while so many wait are put together.
 const AHEAD: usize = 64;
 
-/// Characters, frames and other things that are put together at most. Beyond that the kernel holds
-/// them, and counts what it drops: a full SLIN bus is 25 s behind then, a full CAN bus longer.
+/// Characters, frames and other things that are put together at most: 25 s of a bus that is full of
+/// characters at 115200 Bd, or of the shortest frames at 500 kbit/s. An idle bus adds nothing.
 const MOST_BEHIND: usize = 1 << 18;
 
 /// What the user says about live taps.
@@ -45,6 +47,12 @@ pub struct LiveOptions {
 pub trait Tap: Reader + Send {
     /// Nobody listens any more: says what is left to say, such as counters and when it ended.
     fn end(&mut self, _: &mut Outbox) {}
+
+    /// It was not read since then, for nobody took what it had heard: says what may be lost, unless
+    /// it finds that out when it is read.
+    fn was_kept(&mut self, since: Moment, out: &mut Outbox) {
+        out.lost(0, Loss { start: since, count: None, cause: LossCause::Capture });
+    }
 }
 
 /// Whether a name is that of a live tap: `serial:/dev/ttyUSB0`, `can:can0`, `slcan:/dev/ttyACM0`.
@@ -175,9 +183,16 @@ impl Ear {
                 self.behind = delivery;
                 true
             }
-            Err(TrySendError::Full(delivery)) => self.sender.send(delivery).is_ok(),
+            Err(TrySendError::Full(delivery)) => self.wait_for_room(delivery),
             Err(TrySendError::Disconnected(_)) => false,
         }
+    }
+
+    fn wait_for_room(&mut self, delivery: Outbox) -> bool {
+        let since = now();
+        let is_taken = self.sender.send(delivery).is_ok();
+        self.tap.was_kept(since, &mut self.behind);
+        is_taken
     }
 
     fn deliver_last(mut self, last: Outbox) {
@@ -187,51 +202,82 @@ impl Ear {
     }
 }
 
+/// The computer's time.
+fn now() -> Moment {
+    let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+    Moment::from_ns(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use dissectors::bus::WireFacts;
-    use dissectors::event::{Clock, Event, Moment};
+    use dissectors::event::{Clock, Event};
     use dissectors::record::BusInfo;
     use dissectors::uart::{Character, Parity};
+    use std::sync::atomic::AtomicUsize;
+    use std::time::Instant;
 
     /// Hears a character a read, each 1 µs after the one before.
     struct Steady {
-        next: i64,
-        last: i64,
+        next: Arc<AtomicUsize>,
+        last: usize,
     }
 
     impl Reader for Steady {
         fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
-            if self.next == 0 {
+            let next = self.next.fetch_add(1, Ordering::Relaxed);
+            if next == 0 {
                 out.bus(BusInfo::new("steady", Some(Clock::Read)), WireFacts::default());
             }
-            let start = Moment::from_ns(1_000 * self.next);
+            let start = Moment::from_ns(1_000 * next as i64);
             out.characters(0, [Character::new(start, 0, 0x55, Parity::Ok)]);
-            self.next += 1;
-            Ok(self.next < self.last)
+            Ok(next + 1 < self.last)
         }
     }
 
     impl Tap for Steady {}
 
-    #[test]
-    fn a_slow_listener_loses_nothing() {
-        let heard_by = |last: i64, wait: Duration| {
-            let mut listening = Listening::begin(Box::new(Steady { next: 0, last }));
-            // All of it is heard before the first is taken.
-            thread::sleep(wait);
-            let mut starts = Vec::new();
-            while let Ok(Some(piece)) = listening.next_piece() {
-                if let Piece::Heard(_, Event::Characters(characters)) = piece {
+    /// The times of so many characters, and how many losses, as one hears them who begins to take
+    /// them when the tap has read so many, or no more.
+    fn hear(last: usize, wait_for: usize) -> (Vec<i64>, usize) {
+        let next = Arc::new(AtomicUsize::new(0));
+        let mut listening = Listening::begin(Box::new(Steady { next: Arc::clone(&next), last }));
+        let (mut before, mut since) = (0, Instant::now());
+        while before < wait_for || since.elapsed() < Duration::from_millis(300) {
+            let now = next.load(Ordering::Relaxed);
+            if before != now {
+                (before, since) = (now, Instant::now());
+            }
+            thread::sleep(Duration::from_millis(10));
+        }
+        let (mut starts, mut losses) = (Vec::new(), 0);
+        while let Ok(Some(piece)) = listening.next_piece() {
+            match piece {
+                Piece::Heard(_, Event::Characters(characters)) => {
                     starts.extend(characters.iter().filter_map(|it| it.start.ns()));
                 }
+                Piece::Heard(_, Event::Lost(_)) => losses += 1,
+                _ => {}
             }
-            starts
-        };
-        for (last, wait) in [(10 * AHEAD as i64, 200), (4 * MOST_BEHIND as i64, 0)] {
-            let starts = heard_by(last, Duration::from_millis(wait));
-            assert!(starts.iter().copied().eq((0..last).map(|n| 1_000 * n)));
         }
+        (starts, losses)
+    }
+
+    #[test]
+    fn a_slow_listener_loses_nothing() {
+        // All is heard before the first is taken; as much as may wait.
+        for (last, wait_for) in [(10 * AHEAD, 10 * AHEAD), (4 * MOST_BEHIND, 0)] {
+            let (starts, _) = hear(last, wait_for);
+            assert!(starts.iter().copied().eq((0..last as i64).map(|n| 1_000 * n)));
+        }
+    }
+
+    #[test]
+    fn what_the_kernel_was_left_to_hold_is_a_loss() {
+        let most = MOST_BEHIND;
+        assert_eq!(hear(most / 2, most / 2).1, 0);
+        let (starts, losses) = hear(2 * most, most / 2);
+        assert_eq!((starts.len(), losses), (2 * most, 1));
     }
 }

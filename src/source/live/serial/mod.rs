@@ -332,6 +332,9 @@ impl Tap for Serial {
         self.note(&self.tally.to_string(), out);
         out.end(0, self.hearing.silence(now));
     }
+
+    /// Its characters tell: they come without times, or are so many that the driver held back.
+    fn was_kept(&mut self, _: Moment, _: &mut Outbox) {}
 }
 
 /// Reads all that waits, and tells how many bytes it is and when the last of them had come. What is

@@ -80,9 +80,10 @@ fn words(out: Outbox) -> Vec<String> {
     lines.into_iter().filter(|line| !line.starts_with("0: nothing until")).collect()
 }
 
-/// The characters among what was said, without their times.
+/// The characters among what was said, without their times. A busy computer makes losses of pauses.
 fn characters(said: &[String]) -> Vec<String> {
     let lines = said.iter().filter_map(|line| line.strip_prefix("0: "));
+    let lines = lines.filter(|line| !line.starts_with("lost"));
     let words = lines.flat_map(|line| line.split(", "));
     words.map(|word| word.split(" @").next().unwrap().to_owned()).collect()
 }
