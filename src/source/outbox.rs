@@ -207,6 +207,11 @@ impl Outbox {
         &self.characters
     }
 
+    /// Whether a bus appears in it.
+    pub fn has_bus(&self) -> bool {
+        self.waiting.iter().any(|waiting| matches!(waiting, Waiting::Bus(..)))
+    }
+
     /// Breaks that wait to be handed over.
     pub fn breaks(&self) -> usize {
         self.waiting.iter().filter(|waiting| matches!(waiting, Waiting::Break(..))).count()

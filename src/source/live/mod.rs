@@ -8,18 +8,20 @@
 mod can;
 mod serial;
 mod slcan;
+mod wall;
 
 pub use slcan::fuzz as fuzz_slcan;
 
 use super::outbox::{Outbox, Reader};
-use super::{Piece, Source, SourceError, SourceOptions};
+use super::{Piece, Place, Source, SourceError, SourceOptions};
 use crate::interrupt;
 use dissectors::event::{Loss, LossCause, Moment};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
+use wall::{Reading, Watch};
 
 /// How long a tap waits for something to be heard before it says that nothing was.
 pub const PATIENCE: Duration = Duration::from_millis(10);
@@ -88,13 +90,19 @@ pub struct Listening {
 }
 
 impl Listening {
-    /// Begins to listen.
-    pub fn begin(tap: Box<dyn Tap>) -> Self {
+    /// Begins to listen to the tap that the user named so.
+    pub fn begin(name: &str, tap: Box<dyn Tap>) -> Self {
+        Listening::by(name, tap, Box::new(Reading::take))
+    }
+
+    fn by(name: &str, tap: Box<dyn Tap>, clocks: Clocks) -> Self {
         let (sender, deliveries) = sync_channel(AHEAD);
         let (give_back, empty) = sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
         let behind = Outbox::default();
-        let ear = Ear { tap, sender, empty, behind, is_over: Arc::clone(&is_over) };
+        let name = name.to_owned();
+        let wall = Wall { clocks, watch: Watch::default(), has_bus: false };
+        let ear = Ear { name, tap, wall, sender, empty, behind, is_over: Arc::clone(&is_over) };
         let ear = Some(thread::spawn(move || ear.listen()));
         let deliveries = Some(deliveries);
         Listening { deliveries, give_back, current: Outbox::default(), is_over, ear }
@@ -138,9 +146,21 @@ impl Drop for Listening {
     }
 }
 
+type Clocks = Box<dyn FnMut() -> Reading + Send>;
+
+/// What is known of the computer's clock.
+struct Wall {
+    clocks: Clocks,
+    watch: Watch,
+    /// Something can be said of a bus.
+    has_bus: bool,
+}
+
 /// The thread that listens.
 struct Ear {
+    name: String,
     tap: Box<dyn Tap>,
+    wall: Wall,
     sender: SyncSender<Outbox>,
     empty: Receiver<Outbox>,
     /// What was heard while too many deliveries waited.
@@ -157,6 +177,7 @@ impl Ear {
                 delivery.error(error);
                 false
             });
+            let delivery = self.mind_the_clock(delivery);
             if !has_more {
                 return self.deliver_last(delivery);
             }
@@ -167,6 +188,25 @@ impl Ear {
         let mut last = Outbox::default();
         self.tap.end(&mut last);
         self.deliver_last(last);
+    }
+
+    /// Where the clock was set, says so before what may have been stamped since, and that nothing is
+    /// to be judged across it: a step is no silence.
+    fn mind_the_clock(&mut self, delivery: Outbox) -> Outbox {
+        let Wall { clocks, watch, has_bus } = &mut self.wall;
+        let had_bus = std::mem::replace(has_bus, *has_bus || delivery.has_bus());
+        let Some(step) = watch.look(clocks()) else { return delivery };
+        let mut told = Outbox::default();
+        let seconds = step.by as f64 / 1e9;
+        let what = format!(
+            "the computer's clock was set by {seconds:+.3} s: times before and after do not compare"
+        );
+        told.warning(SourceError::new(&self.name, Place::Whole, what));
+        if had_bus {
+            told.lost(0, Loss { start: step.before, count: None, cause: LossCause::Capture });
+        }
+        told.absorb(delivery);
+        told
     }
 
     /// Hands over, without waiting for room unless very much is behind. False where nobody listens.
@@ -189,7 +229,7 @@ impl Ear {
     }
 
     fn wait_for_room(&mut self, delivery: Outbox) -> bool {
-        let since = now();
+        let since = Moment::from_ns(Reading::take().day);
         let is_taken = self.sender.send(delivery).is_ok();
         self.tap.was_kept(since, &mut self.behind);
         is_taken
@@ -202,14 +242,9 @@ impl Ear {
     }
 }
 
-/// The computer's time.
-fn now() -> Moment {
-    let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    Moment::from_ns(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::transcript::of_source;
     use super::*;
     use dissectors::bus::WireFacts;
     use dissectors::event::{Clock, Event};
@@ -242,7 +277,8 @@ mod tests {
     /// them when the tap has read so many, or no more.
     fn hear(last: usize, wait_for: usize) -> (Vec<i64>, usize) {
         let next = Arc::new(AtomicUsize::new(0));
-        let mut listening = Listening::begin(Box::new(Steady { next: Arc::clone(&next), last }));
+        let mut listening =
+            Listening::begin("steady", Box::new(Steady { next: Arc::clone(&next), last }));
         let (mut before, mut since) = (0, Instant::now());
         while before < wait_for || since.elapsed() < Duration::from_millis(300) {
             let now = next.load(Ordering::Relaxed);
@@ -279,5 +315,25 @@ mod tests {
         assert_eq!(hear(most / 2, most / 2).1, 0);
         let (starts, losses) = hear(2 * most, most / 2);
         assert_eq!((starts.len(), losses), (2 * most, 1));
+    }
+
+    #[test]
+    fn a_clock_that_is_set_is_told_before_what_is_stamped_since() {
+        const HOUR: i64 = 3_600_000_000_000;
+        let mut turns = 0;
+        // The third turn is the first after the step.
+        let clocks = move || {
+            turns += 1;
+            let day = if turns < 3 { turns } else { turns + HOUR };
+            Reading { day, running: [turns; 2] }
+        };
+        let tap = Steady { next: Arc::default(), last: 4 };
+        let mut listening = Listening::by("steady", Box::new(tap), Box::new(clocks));
+        let said = of_source(&mut listening);
+        let warning = "warning: steady: the computer's clock was set by +3600.000 s: times before \
+                       and after do not compare";
+        let at = |n: i64| format!("0: 55 @{}±0", 1_000 * n);
+        let all = [&at(0), &at(1), warning, "0: lost Capture @2", &at(2), &at(3)];
+        assert_eq!(said[1..], all);
     }
 }

@@ -190,8 +190,9 @@ fn a_port_that_vanishes_ends_the_run_with_a_reason() {
     let mut tap = line.tap();
     line.send(&[0x80]);
     hear(&mut tap, 1);
+    let line_name = format!("serial:{}", line.port);
     drop(line);
-    let mut source = Listening::begin(Box::new(tap));
+    let mut source = Listening::begin(&line_name, Box::new(tap));
     let said = of_source(&mut source);
     let last = said.last().unwrap();
     assert!(last.contains("the port is gone: was the adapter unplugged?"), "{said:?}");
