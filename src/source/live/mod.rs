@@ -81,11 +81,14 @@ fn tap_of(name: &str) -> Option<(Open, &str)> {
 
 /// A tap that is being listened to, as a source.
 pub struct Listening {
+    name: String,
     /// `None` once nobody listens any more.
     deliveries: Option<Receiver<Outbox>>,
     give_back: SyncSender<Outbox>,
     current: Outbox,
     is_over: Arc<AtomicBool>,
+    /// The ear has said everything.
+    has_ended: Arc<AtomicBool>,
     ear: Option<JoinHandle<()>>,
 }
 
@@ -100,12 +103,32 @@ impl Listening {
         let (give_back, empty) = sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
         let behind = Outbox::default();
-        let name = name.to_owned();
+        let (name, has_ended) = (name.to_owned(), Arc::new(AtomicBool::new(false)));
         let wall = Wall { clocks, watch: Watch::default(), has_bus: false };
-        let ear = Ear { name, tap, wall, sender, empty, behind, is_over: Arc::clone(&is_over) };
+        let ear = Ear {
+            name: name.clone(),
+            tap,
+            wall,
+            sender,
+            empty,
+            behind,
+            is_over: Arc::clone(&is_over),
+            has_ended: Arc::clone(&has_ended),
+        };
         let ear = Some(thread::spawn(move || ear.listen()));
         let deliveries = Some(deliveries);
-        Listening { deliveries, give_back, current: Outbox::default(), is_over, ear }
+        let current = Outbox::default();
+        Listening { name, deliveries, give_back, current, is_over, has_ended, ear }
+    }
+
+    /// The ear is gone. One that has not said everything panicked, and said that much.
+    fn end(&self) -> Result<Option<Piece<'_>>, SourceError> {
+        if self.has_ended.swap(true, Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let what = "the tap failed: this is a fault of fieldtap, please report it with what was \
+                    printed; what comes after is not heard";
+        Err(SourceError::new(&self.name, Place::Whole, what))
     }
 }
 
@@ -117,9 +140,8 @@ impl Source for Listening {
             if interrupt::came() && !self.is_over.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            // The ear is gone once it has said everything.
             let next = self.deliveries.as_ref().and_then(|deliveries| deliveries.recv().ok());
-            let Some(next) = next else { return Ok(None) };
+            let Some(next) = next else { return self.end() };
             let used = std::mem::replace(&mut self.current, next);
             // Nobody needs it where the ear is gone.
             let _ = self.give_back.try_send(used);
@@ -166,6 +188,7 @@ struct Ear {
     /// What was heard while too many deliveries waited.
     behind: Outbox,
     is_over: Arc<AtomicBool>,
+    has_ended: Arc<AtomicBool>,
 }
 
 impl Ear {
@@ -237,6 +260,8 @@ impl Ear {
 
     fn deliver_last(mut self, last: Outbox) {
         self.behind.absorb(last);
+        // It is seen by whoever sees that the channel is closed.
+        self.has_ended.store(true, Ordering::Relaxed);
         // Nobody needs it where the listener is gone.
         let _ = self.sender.send(self.behind);
     }
@@ -335,5 +360,26 @@ mod tests {
         let at = |n: i64| format!("0: 55 @{}±0", 1_000 * n);
         let all = [&at(0), &at(1), warning, "0: lost Capture @2", &at(2), &at(3)];
         assert_eq!(said[1..], all);
+    }
+
+    /// Hears something, and fails.
+    struct Faulty(Steady);
+
+    impl Reader for Faulty {
+        fn read_on(&mut self, out: &mut Outbox) -> Result<bool, SourceError> {
+            assert!(self.0.read_on(out).expect("it hears"), "this tap fails");
+            Ok(true)
+        }
+    }
+
+    impl Tap for Faulty {}
+
+    #[test]
+    fn a_tap_that_fails_is_no_good_end() {
+        let tap = Faulty(Steady { next: Arc::default(), last: 3 });
+        let said = of_source(&mut Listening::begin("faulty", Box::new(tap)));
+        let [.., heard, end] = &said[..] else { panic!("{said:?}") };
+        assert_eq!(heard, "0: 55 @1000±0", "what came before is good");
+        assert!(end.starts_with("faulty: the tap failed: "), "{end}");
     }
 }
