@@ -121,14 +121,14 @@ impl Hearing {
         self.spread.until().into_iter().for_each(|until| lose(until, out));
     }
 
-    /// Nothing was there to be read at `now`. Returns until when nothing more can turn up.
+    /// Nothing is there to be read at `now`. Returns until when nothing more can turn up, which is not
+    /// before what was heard ends.
     pub fn silence(&mut self, now: i64) -> Moment {
         self.looked = Some(now);
         let wait = i64::try_from(self.terms.longest_wait.as_nanos()).unwrap_or(i64::MAX);
         // A character that began then has ended and arrived.
-        let until = now.saturating_sub(wait).saturating_sub(self.spread.character_ns());
-        self.spread.silence(until);
-        Moment::from_ns(until)
+        let wait = wait.saturating_add(self.spread.character_ns());
+        Moment::from_ns(self.spread.silence(now, wait))
     }
 
     /// Tells what the driver lost since the read before.

@@ -266,7 +266,8 @@ impl Serial {
     /// The port is gone.
     fn vanish(&mut self, cause: io::Error, out: &mut Outbox) -> Result<bool, SourceError> {
         self.port = None;
-        let start = Moment::from_ns(now());
+        // What the adapter still had went with it.
+        let start = self.hearing.silence(now());
         if self.may_reconnect {
             self.warn("the port is gone: waiting for it to come back", out);
             out.lost(0, Loss { start, count: None, cause: LossCause::Capture });

@@ -80,9 +80,13 @@ impl Spread {
         self.heard_until
     }
 
-    /// Nothing was heard up to `until`, and nothing will turn up before.
-    pub fn silence(&mut self, until: i64) {
-        self.heard_until = Some(self.heard_until.map_or(until, |heard| heard.max(until)));
+    /// Nothing was there to be read at `now`, and what was on the line `wait` before would have been.
+    /// Returns up to when the line is known: no earlier than what was heard.
+    pub fn silence(&mut self, now: i64, wait: i64) -> i64 {
+        let until = now.saturating_sub(wait);
+        let until = self.heard_until(now).map_or(until, |heard| heard.max(until));
+        self.heard_until = Some(until);
+        until
     }
 }
 
@@ -145,8 +149,18 @@ mod tests {
     #[test]
     fn nothing_comes_before_a_silence_that_was_told() {
         let mut spread = spread();
-        spread.silence(9_900_000);
+        assert_eq!(spread.silence(10_000_000, 100_000), 9_900_000);
         assert_eq!(placed(&mut spread, 10_000_000, 2), [9_900_000, 9_995_486]);
+    }
+
+    #[test]
+    fn the_line_is_known_up_to_what_was_heard() {
+        let mut spread = spread();
+        placed(&mut spread, 10_000_000, 1);
+        // Twenty characters that come with it take 20 x 95486.1 = 1909722 ns; the last begins after 19.
+        assert_eq!(placed(&mut spread, 10_000_000, 20)[19], 10_000_000 + 1_814_236);
+        assert_eq!(spread.silence(10_000_000, 4_000_000), 10_000_000 + 1_909_722);
+        assert_eq!(spread.silence(20_000_000, 4_000_000), 16_000_000);
     }
 
     #[test]
@@ -154,6 +168,8 @@ mod tests {
         let mut spread = spread();
         placed(&mut spread, 10_000_000_000, 1);
         assert_eq!(placed(&mut spread, 5_000_000_000, 1), [4_999_904_514]);
+        assert_eq!(spread.silence(6_000_000_000, 0), 6_000_000_000);
+        assert_eq!(spread.silence(1_000_000_000, 0), 1_000_000_000);
         assert_eq!(placed(&mut spread, i64::MIN, 2).len(), 2, "whatever the clock says");
     }
 }

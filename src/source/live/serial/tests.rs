@@ -200,6 +200,38 @@ fn a_port_that_vanishes_ends_the_run_with_a_reason() {
 }
 
 #[test]
+fn a_port_that_vanishes_ends_no_earlier_than_what_was_heard_on_it() {
+    for reconnect in [false, true] {
+        let line = Line::new();
+        let live = LiveOptions { reconnect, ..LiveOptions::default() };
+        let options = SourceOptions { live, ..options(Some(115_200)) };
+        let mut tap = Serial::open(&line.port, &options).unwrap();
+        hear(&mut tap, 0);
+        tap.read_on(&mut Outbox::default()).unwrap();
+        // A line is slower than that: these are placed up to 2 ms after they were read.
+        let until = now() + 1_500_000;
+        tap.hearing.hear(
+            &[0x80; 40],
+            until - 1_500_000,
+            &Default::default(),
+            &mut Outbox::default(),
+        );
+        tap.hearing.hear(
+            &[0x80; 40],
+            until - 1_500_000,
+            &Default::default(),
+            &mut Outbox::default(),
+        );
+        let mut out = Outbox::default();
+        let _ = tap.vanish(io::ErrorKind::UnexpectedEof.into(), &mut out);
+        let said = words(out);
+        let told = said.iter().find(|line| line.starts_with("0: ")).unwrap();
+        let (_, at) = told.split_once('@').unwrap();
+        assert!(at.parse::<i64>().unwrap() >= until, "{told}");
+    }
+}
+
+#[test]
 fn a_port_that_comes_back_is_listened_to_again_after_a_loss() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("port");
