@@ -76,6 +76,20 @@ impl Tap {
         assert!(killed.expect("kill is there").success());
     }
 
+    /// Stops it, and waits until each of its threads is.
+    fn stop(&self) {
+        self.signal("-STOP");
+        let tasks = format!("/proc/{}/task", self.child.id());
+        let is_stopped = |task: std::io::Result<std::fs::DirEntry>| {
+            let stat = std::fs::read_to_string(task.expect("it is there").path().join("stat"));
+            // Its name, in parentheses, and its state (proc(5)).
+            stat.expect("it is there").contains(") T ")
+        };
+        while !std::fs::read_dir(&tasks).expect("it runs").all(is_stopped) {
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
     /// What the run came to, with all that it printed.
     fn end(mut self) -> Run {
         let mut stderr = String::new();
@@ -138,7 +152,7 @@ fn a_stopped_program_takes_what_came_meanwhile_for_one_piece_and_judges_nothing_
     tap.send(&EXCHANGE);
     tap.next();
     tap.next();
-    tap.signal("-STOP");
+    tap.stop();
     // 5000 characters of 95486 ns, which nobody counts, take 0.48 s.
     tap.send(&EXCHANGE.repeat(1250));
     thread::sleep(Duration::from_millis(800));
@@ -164,12 +178,22 @@ fn a_port_that_vanishes_ends_the_run_with_status_3() {
     tap.send(&EXCHANGE);
     tap.next();
     tap.next();
+    // A pseudo terminal that is closed takes what was not read with it: all is read before.
+    let sent = EXCHANGE.len() * 1000;
+    tap.send(&EXCHANGE.repeat(1000));
+    let mut records = 0;
+    while records < 2000 {
+        // Around a pause of a busy computer there is a loss.
+        records += usize::from(tap.next().0["kind"] != "lost");
+    }
     tap.line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
         .expect("a pseudo terminal");
     let run = tap.end();
     assert_eq!(run.status, 3, "{}", run.stderr);
     assert!(run.stderr.contains("the port is gone: was the adapter unplugged?"), "{}", run.stderr);
     assert!(run.stderr.contains("WHO    asked 0 | answered 0"), "{}", run.stderr);
+    let count = format!("{} characters, 0 damaged", 4 + sent);
+    assert!(run.stderr.contains(&count), "{count}: {}", run.stderr);
 }
 
 #[test]
