@@ -203,7 +203,7 @@ impl SourceOptions {
 /// It cannot be read, or nothing tells what it is.
 pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
     match live::open(name, options) {
-        Some(tap) => Ok(Box::new(live::Listening::begin(tap?))),
+        Some(tap) => Ok(Box::new(live::Listening::begin(name, tap?))),
         None => reader_of(Input::open(name)?, options),
     }
 }

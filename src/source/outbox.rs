@@ -99,6 +99,17 @@ impl Outbox {
         }
     }
 
+    /// Characters were heard. They are handed over together with those that wait before them.
+    fn more_characters(&mut self, bus: usize, characters: &[Character]) {
+        match self.waiting.back_mut() {
+            Some(Waiting::Characters(last, range)) if *last == bus && range.len() < FULL => {
+                self.characters.extend_from_slice(characters);
+                range.end = self.characters.len();
+            }
+            _ => self.characters(bus, characters.iter().copied()),
+        }
+    }
+
     /// A frame was heard. Those that follow each other on a bus are handed over together.
     pub fn frame(&mut self, bus: usize, frame: Frame) {
         let first = self.frames.len();
@@ -134,9 +145,13 @@ impl Outbox {
         self.waiting.push_back(Waiting::Levels { bus, edges, level, from, until });
     }
 
-    /// Nothing more was heard until this time.
+    /// Nothing more was heard until this time. Who is told of a silence that goes on is told of its
+    /// end.
     pub fn silence(&mut self, bus: usize, until: Moment) {
-        self.waiting.push_back(Waiting::Silence(bus, until));
+        match self.waiting.back_mut() {
+            Some(Waiting::Silence(last, before)) if *last == bus => *before = until,
+            _ => self.waiting.push_back(Waiting::Silence(bus, until)),
+        }
     }
 
     /// The source cannot go on.
@@ -197,6 +212,11 @@ impl Outbox {
         &self.characters
     }
 
+    /// Whether a bus appears in it.
+    pub fn has_bus(&self) -> bool {
+        self.waiting.iter().any(|waiting| matches!(waiting, Waiting::Bus(..)))
+    }
+
     /// Breaks that wait to be handed over.
     pub fn breaks(&self) -> usize {
         self.waiting.iter().filter(|waiting| matches!(waiting, Waiting::Break(..))).count()
@@ -215,10 +235,13 @@ impl Outbox {
         }
     }
 
-    /// Everything that another outbox holds.
+    /// Everything that another outbox holds. It takes no more room than what was heard.
     pub fn absorb(&mut self, mut other: Outbox) {
         while let Some(said) = other.next() {
             match said {
+                Ok(Piece::Heard(bus, Event::Characters(characters))) => {
+                    self.more_characters(bus, characters);
+                }
                 Ok(piece) => self.pass_on(piece),
                 Err(error) => self.error(error),
             }
@@ -278,5 +301,51 @@ impl Outbox {
             Waiting::End(bus, at) => Piece::End(bus, at),
             Waiting::Error(error) => return Some(Err(error)),
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dissectors::uart::Parity;
+
+    #[test]
+    fn an_idle_bus_fills_nothing_and_characters_count_once() {
+        let mut behind = Outbox::default();
+        let turn = |hear: &dyn Fn(&mut Outbox)| {
+            let mut heard = Outbox::default();
+            hear(&mut heard);
+            heard
+        };
+        for n in 0..1_000_000 {
+            behind.absorb(turn(&|out| out.silence(0, Moment::from_ns(n))));
+        }
+        assert_eq!(behind.len(), 1);
+        for n in 0..1000 {
+            let character = Character::new(Moment::from_ns(n), 0, 0x55, Parity::Ok);
+            behind.absorb(turn(&|out| out.characters(0, [character])));
+        }
+        // What was heard, and the two things to be said of it.
+        assert_eq!(behind.len(), 1000 + 2);
+        let Some(Ok(Piece::Heard(0, Event::Advance(until)))) = behind.next() else {
+            panic!("the silence comes first")
+        };
+        assert_eq!(until.ns(), Some(999_999));
+    }
+
+    #[test]
+    fn what_is_heard_on_one_bus_is_not_put_together_with_another() {
+        let mut out = Outbox::default();
+        for bus in [0, 1] {
+            out.silence(bus, Moment::from_ns(1));
+        }
+        for bus in [0, 1] {
+            out.characters(bus, [Character::new(Moment::from_ns(2), 0, 0x55, Parity::Ok)]);
+        }
+        let mut said = Vec::new();
+        while let Some(Ok(Piece::Heard(bus, event))) = out.next() {
+            said.push((bus, matches!(event, Event::Characters([_]))));
+        }
+        assert_eq!(said, [(0, false), (1, false), (0, true), (1, true)]);
     }
 }

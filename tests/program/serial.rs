@@ -68,8 +68,26 @@ impl Tap {
     }
 
     fn interrupt(&self) {
-        let killed = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
+        self.signal("-INT");
+    }
+
+    fn signal(&self, signal: &str) {
+        let killed = Command::new("kill").args([signal, &self.child.id().to_string()]).status();
         assert!(killed.expect("kill is there").success());
+    }
+
+    /// Stops it, and waits until each of its threads is.
+    fn stop(&self) {
+        self.signal("-STOP");
+        let tasks = format!("/proc/{}/task", self.child.id());
+        let is_stopped = |task: std::io::Result<std::fs::DirEntry>| {
+            let stat = std::fs::read_to_string(task.expect("it is there").path().join("stat"));
+            // Its name, in parentheses, and its state (proc(5)).
+            stat.expect("it is there").contains(") T ")
+        };
+        while !std::fs::read_dir(&tasks).expect("it runs").all(is_stopped) {
+            thread::sleep(Duration::from_millis(5));
+        }
     }
 
     /// What the run came to, with all that it printed.
@@ -127,18 +145,55 @@ fn a_request_that_nobody_answers_is_told_while_the_line_is_silent() {
     assert_eq!(tap.end().status, 130);
 }
 
+/// As a virtual machine is that pauses, or a computer that is too busy.
+#[test]
+fn a_stopped_program_takes_what_came_meanwhile_for_one_piece_and_judges_nothing_across() {
+    let mut tap = Tap::start(&["--profile", "tr"]);
+    tap.send(&EXCHANGE);
+    tap.next();
+    tap.next();
+    tap.stop();
+    // 5000 characters of 95486 ns, which nobody counts, take 0.48 s.
+    tap.send(&EXCHANGE.repeat(1250));
+    thread::sleep(Duration::from_millis(800));
+    tap.signal("-CONT");
+    let mut next = || tap.next().0;
+    assert_eq!(codes(&next()), ["uart.lost"], "when they came is not known");
+    let records: Vec<_> = (0..2500).map(|_| next()).collect();
+    assert!(records.iter().all(|record| codes(record).is_empty()));
+    let time = |record: &serde_json::Value| record["time_ns"].as_i64().expect("it is known");
+    // From the first request to the last answer: all but the three characters of that.
+    let span = time(&records[2499]) - time(&records[0]);
+    assert!((span - 4997 * 95_486).abs() < 10_000, "{span}");
+    assert_eq!(codes(&next()), ["uart.lost"], "what came later may have found no room");
+    tap.interrupt();
+    let run = tap.end();
+    assert_eq!(run.status, 130, "{}", run.stderr);
+    assert!(run.stderr.contains("5004 characters, 0 damaged (0.00 %), 2 losses"), "{}", run.stderr);
+}
+
 #[test]
 fn a_port_that_vanishes_ends_the_run_with_status_3() {
     let mut tap = Tap::start(&[]);
     tap.send(&EXCHANGE);
     tap.next();
     tap.next();
+    // A pseudo terminal that is closed takes what was not read with it: all is read before.
+    let sent = EXCHANGE.len() * 1000;
+    tap.send(&EXCHANGE.repeat(1000));
+    let mut records = 0;
+    while records < 2000 {
+        // Around a pause of a busy computer there is a loss.
+        records += usize::from(tap.next().0["kind"] != "lost");
+    }
     tap.line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
         .expect("a pseudo terminal");
     let run = tap.end();
     assert_eq!(run.status, 3, "{}", run.stderr);
     assert!(run.stderr.contains("the port is gone: was the adapter unplugged?"), "{}", run.stderr);
     assert!(run.stderr.contains("WHO    asked 0 | answered 0"), "{}", run.stderr);
+    let count = format!("{} characters, 0 damaged", 4 + sent);
+    assert!(run.stderr.contains(&count), "{count}: {}", run.stderr);
 }
 
 #[test]

@@ -139,18 +139,48 @@ fn a_slow_reader_of_the_trace_costs_no_characters() {
     let stderr = wait_until_it_listens(&mut child);
     let trace = BufReader::new(child.stdout.take().expect("it is piped"));
     let reader = thread::spawn(move || {
-        let rest = |number: usize| if number < 20 { 50 } else { 0 };
-        let lines = trace.lines().enumerate();
-        lines.inspect(|(number, _)| thread::sleep(Duration::from_millis(rest(*number)))).count()
+        let rest = |number: usize| if number < 20 { span() / 60 } else { Duration::ZERO };
+        trace.lines().enumerate().inspect(|(number, _)| thread::sleep(rest(*number))).count()
     });
-    // Twenty rests are a second, in which nothing is fetched but what a pipe holds.
-    let (sent, behind) = flood(&line, Duration::from_secs(1));
+    // Twenty rests are as long, in which nothing is fetched but what a pipe holds.
+    let (sent, behind) = flood(&line, span() / 3);
     thread::sleep(Duration::from_millis(500));
     interrupt(&child);
     let (stderr, lines) = (rest(stderr), reader.join().expect("it reads"));
     assert_eq!(child.wait().expect("it ends").code(), Some(130), "{stderr}");
     say(&format!("soak: {sent} characters, {lines} lines, {behind:?} behind at most"));
     assert_eq!(told(&stderr, "characters"), sent, "{stderr}");
+}
+
+/// Whoever reads what is printed rests until no more is taken from the line: as much waits as may.
+#[test]
+fn a_reader_who_rests_too_long_is_told_that_something_may_be_lost() {
+    let line = Line::new();
+    let source = format!("serial:{}", line.port);
+    let arguments = ["read", &source, "--baud", "115200", "--protocol", "slin"];
+    let mut child = start(&arguments, Stdio::piped());
+    let stderr = wait_until_it_listens(&mut child);
+
+    let (mut sent, mut taken) = (0_u64, Instant::now());
+    // A program that fetches nothing for a second waits for room.
+    while taken.elapsed() < Duration::from_secs(1) {
+        let count = line.put(&EXCHANGE.repeat(26)[(sent % 4) as usize..]) as u64;
+        if count > 0 {
+            (sent, taken) = (sent + count, Instant::now());
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
+    let trace = BufReader::new(child.stdout.take().expect("it is piped"));
+    let reader = thread::spawn(move || trace.lines().count());
+    thread::sleep(Duration::from_millis(500));
+    interrupt(&child);
+    let (stderr, lines) = (rest(stderr), reader.join().expect("it reads"));
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{stderr}");
+    say(&format!("soak: {sent} characters until no more were taken, {lines} lines"));
+    // A pseudo terminal lets its other side wait, so that none is lost; a bus does not.
+    assert_eq!(told(&stderr, "characters"), sent, "{stderr}");
+    assert!(sent > 1 << 18, "so many may wait: {sent}");
+    assert!(stderr.contains(" loss"), "{stderr}");
 }
 
 /// A machine that was busy has not fetched all that came before Ctrl-C.

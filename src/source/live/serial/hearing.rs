@@ -1,5 +1,6 @@
 //! From the bytes of a read to what was on the line.
 
+use super::super::PATIENCE;
 use super::Terms;
 use super::counters::Counters;
 use super::spread::Spread;
@@ -8,11 +9,17 @@ use crate::source::outbox::Outbox;
 use dissectors::event::{Break, Loss, LossCause, Moment};
 use dissectors::uart::{Baud, Character, Format, Parity, ParityMarks, ParityRule};
 
+/// Who did not look for longer, in ns, was kept from it: three times as long as a turn waits. Less
+/// happens on any computer.
+const AWAY: i64 = 3 * PATIENCE.as_nanos() as i64;
+
 /// Hears what a port reads.
 pub struct Hearing {
     terms: Terms,
     escape: Escape,
     spread: Spread,
+    /// When nothing was left to be read last.
+    looked: Option<i64>,
     /// What the driver counted and no mark has come for yet.
     uncalled: Counters,
     uncertainty: u32,
@@ -42,6 +49,7 @@ impl Hearing {
             terms,
             escape: Escape::None,
             spread: Spread::new(baud, format, slack),
+            looked: None,
             uncalled: Counters::default(),
             uncertainty: u32::try_from(slack).unwrap_or(u32::MAX),
             unmarked: match terms.parity {
@@ -87,6 +95,7 @@ impl Hearing {
     }
 
     fn place(&mut self, signs: &[Sign], now: i64, news: &Counters, out: &mut Outbox) {
+        self.doubt(signs.len(), now, out);
         let mut starts = self.spread.place(now, signs.len()).peekable();
         let first = starts.peek().and_then(|first| first.ns()).unwrap_or(now);
         self.lose(news, first, out);
@@ -96,13 +105,31 @@ impl Hearing {
         out.characters(0, self.characters.drain(..));
     }
 
-    /// Nothing was there to be read at `now`. Returns until when nothing more can turn up.
+    /// A program that was stopped, or a computer that was busy, reads at once what came meanwhile.
+    /// Where that does not fill the time, nobody knows when it was on the line: nothing is to be
+    /// judged from what was heard before to what was heard now.
+    fn doubt(&mut self, count: usize, now: i64, out: &mut Outbox) {
+        let looked = self.looked.replace(now);
+        if looked.is_some_and(|looked| now.saturating_sub(looked) > AWAY)
+            && let Some(since) = self.spread.doubt(now, count)
+        {
+            lose(since, out);
+        }
+    }
+
+    /// So much was read that its driver may have been told to hold back, and it does not count.
+    pub fn lose_what_nobody_counts(&self, out: &mut Outbox) {
+        self.spread.until().into_iter().for_each(|until| lose(until, out));
+    }
+
+    /// Nothing is there to be read at `now`. Returns until when nothing more can turn up, which is not
+    /// before what was heard ends.
     pub fn silence(&mut self, now: i64) -> Moment {
+        self.looked = Some(now);
         let wait = i64::try_from(self.terms.longest_wait.as_nanos()).unwrap_or(i64::MAX);
         // A character that began then has ended and arrived.
-        let until = now.saturating_sub(wait).saturating_sub(self.spread.character_ns());
-        self.spread.silence(until);
-        Moment::from_ns(until)
+        let wait = wait.saturating_add(self.spread.character_ns());
+        Moment::from_ns(self.spread.silence(now, wait))
     }
 
     /// Tells what the driver lost since the read before.
@@ -160,6 +187,12 @@ impl Hearing {
             Verdict::Parity
         }
     }
+}
+
+/// From here on something may be missing, or have come at another time.
+fn lose(start: i64, out: &mut Outbox) {
+    let start = Moment::from_ns(start);
+    out.lost(0, Loss { start, count: None, cause: LossCause::Capture });
 }
 
 #[cfg(test)]
@@ -260,6 +293,23 @@ mod tests {
         );
         let overrun = Counters { overrun: 1, ..NONE };
         assert_eq!(hear(&mut hearing, &[], 20_000_000, overrun), ["0: lost Overrun @19890000"]);
+    }
+
+    #[test]
+    fn what_came_while_nobody_looked_is_not_judged_with_what_came_before() {
+        let mut hearing = hearing(ParityMarks::Character);
+        hear(&mut hearing, &[0x80], 10_000_000, NONE);
+        // 1 s later, two characters: 220 µs of it.
+        assert_eq!(
+            hear(&mut hearing, &[0x1A, 0x01], 1_010_000_000, NONE),
+            ["0: lost Capture @10000000", "0: 1A @1009780000±2000000, 01 @1009890000±2000000"]
+        );
+        // 9091 characters of 110 µs fill a second.
+        let said = hear(&mut hearing, &[0x41; 9091], 2_010_000_000, NONE);
+        assert_eq!((said.len(), said[0].starts_with("0: 41 @1010000000±2000000, ")), (1, true));
+        // A pause in which somebody looked is one: what came after it came after it.
+        hearing.silence(3_000_000_000);
+        assert_eq!(hear(&mut hearing, &[0x80], 3_010_000_000, NONE).len(), 1);
     }
 
     #[test]

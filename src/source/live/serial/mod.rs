@@ -41,11 +41,13 @@ use std::path::PathBuf;
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// What is read at once at most: what a tty holds.
-const BUFFER: usize = 4096;
-
-/// What the kernel holds for a port that is not read: 64 KiB, and what its line discipline has.
+/// What is read in a turn at most: what the kernel holds for a port that is not read, 64 KiB, and
+/// what its line discipline has.
 const QUEUE: usize = 72 << 10;
+
+/// So many bytes that wait make the line discipline ask the driver to hold back (`n_tty.c`: 4096,
+/// less 128). What finds no room in the adapter then is gone.
+const THROTTLED: usize = 4096 - 128;
 
 /// How often the counters are looked at while nothing comes.
 const COUNTING: Duration = Duration::from_secs(1);
@@ -123,7 +125,7 @@ impl Serial {
             has_warned_of_strays: false,
             tally: Tally::begin(port.counters()),
             looked: Instant::now(),
-            buffer: vec![0; BUFFER],
+            buffer: vec![0; QUEUE],
             port: Some(port),
             path,
             name,
@@ -175,15 +177,10 @@ impl Serial {
         }
     }
 
-    /// Reads what there is, or waits for it.
-    fn listen(&mut self, out: &mut Outbox) -> Result<(), io::Error> {
+    /// Hears what there is, or waits for it.
+    fn listen(&mut self, patience: Duration, out: &mut Outbox) -> Result<(), io::Error> {
         let Some(port) = &mut self.port else { return Ok(()) };
-        let mut count = port.read(&mut self.buffer, PATIENCE)?;
-        let now = now();
-        if count == 0 {
-            // This program may have been stopped since: silence until now is what is seen from now.
-            count = port.read(&mut self.buffer, Duration::ZERO)?;
-        }
+        let (count, now) = fetch(port, &mut self.buffer, patience)?;
         let is_due = count > 0 || self.looked.elapsed() >= COUNTING;
         if is_due && self.tally.counts() {
             let news = self.tally.advance(port.counters());
@@ -191,6 +188,9 @@ impl Serial {
             self.hearing.hear(&self.buffer[..count], now, &news, out);
         } else if count > 0 {
             self.hearing.hear(&self.buffer[..count], now, &Default::default(), out);
+        }
+        if count >= THROTTLED && !self.tally.counts() {
+            self.hearing.lose_what_nobody_counts(out);
         }
         if count == 0 {
             out.silence(0, self.hearing.silence(now));
@@ -205,19 +205,9 @@ impl Serial {
         Ok(())
     }
 
-    /// What came while somebody listened, and was not read. A port that goes on and on is not
-    /// listened to for longer than that.
-    fn hear_what_is_queued(&mut self, out: &mut Outbox) {
-        let Some(port) = &mut self.port else { return };
-        for _ in 0..QUEUE / BUFFER {
-            let Ok(count @ 1..) = port.read(&mut self.buffer, Duration::ZERO) else { return };
-            self.hearing.hear(&self.buffer[..count], now(), &Default::default(), out);
-        }
-    }
-
     /// Listens while the rate is looked for.
     fn look_for_rate(&mut self, mut seek: Seek, out: &mut Outbox) -> Result<(), io::Error> {
-        let listened = self.listen(seek.outbox());
+        let listened = self.listen(PATIENCE, seek.outbox());
         if listened.is_err() {
             self.settle(seek, out);
             return listened;
@@ -275,7 +265,8 @@ impl Serial {
     /// The port is gone.
     fn vanish(&mut self, cause: io::Error, out: &mut Outbox) -> Result<bool, SourceError> {
         self.port = None;
-        let start = Moment::from_ns(now());
+        // What the adapter still had went with it.
+        let start = self.hearing.silence(now());
         if self.may_reconnect {
             self.warn("the port is gone: waiting for it to come back", out);
             out.lost(0, Loss { start, count: None, cause: LossCause::Deaf });
@@ -317,7 +308,7 @@ impl Reader for Serial {
         }
         let listened = match self.seek.take() {
             Some(seek) => self.look_for_rate(seek, out),
-            None => self.listen(out),
+            None => self.listen(PATIENCE, out),
         };
         match listened {
             Ok(()) => Ok(true),
@@ -331,7 +322,8 @@ impl Tap for Serial {
         if let Some(seek) = self.seek.take() {
             self.settle(seek, out);
         }
-        self.hear_what_is_queued(out);
+        // What came while somebody listened, and was not read. A port that is gone has none.
+        let _ = self.listen(Duration::ZERO, out);
         let now = now();
         if let Some(port) = self.port.take() {
             let news = self.tally.advance(port.counters());
@@ -340,6 +332,28 @@ impl Tap for Serial {
         self.note(&self.tally.to_string(), out);
         out.end(0, self.hearing.silence(now));
     }
+
+    /// Its characters tell: they come without times, or are so many that the driver held back.
+    fn was_kept(&mut self, _: Moment, _: &mut Outbox) {}
+}
+
+/// Reads all that waits, and tells how many bytes it is and when the last of them had come. What is
+/// read in parts is one piece for who places it: this program may have been stopped for long.
+fn fetch(port: &mut Port, buffer: &mut [u8], patience: Duration) -> io::Result<(usize, i64)> {
+    let mut count = port.read(buffer, patience)?;
+    let mut at = now();
+    // It may have been stopped since the wait was over, too: nothing is what is seen from now.
+    while count < buffer.len() {
+        match port.read(&mut buffer[count..], Duration::ZERO) {
+            Ok(0) => break,
+            Ok(more) => count += more,
+            Err(error) if count == 0 => return Err(error),
+            // It comes again once what was read is heard.
+            Err(_) => break,
+        }
+        at = now();
+    }
+    Ok((count, at))
 }
 
 /// Nanoseconds since the Unix epoch.

@@ -11,6 +11,8 @@ use super::{Terms, ioctl};
 use crate::ports::{self, holders};
 use dissectors::uart::{Baud, Format, ParityMarks, ParityRule};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::BorrowedFd;
+use rustix::fs::OFlags;
 use rustix::io::Errno;
 use rustix::termios::{QueueSelector, tcflush};
 use serialport::{ErrorKind, FlowControl, TTYPort};
@@ -44,6 +46,7 @@ impl Port {
             .map_err(|error| refusal(&device, &error))?;
         let lines = ioctl::drop_lines(&port);
         let descriptor = ioctl::descriptor(&port);
+        never_block(descriptor).map_err(|error| explain(Refusal::Failed(error)))?;
         let adapter = adapter_of(&port);
         let kept = apply(descriptor, baud, format).map_err(explain)?;
         if !adapter.is_pseudo() {
@@ -83,7 +86,13 @@ impl Port {
             Ok(_) => {}
             Err(error) => return Err(error.into()),
         }
-        match rustix::io::read(descriptor, buffer) {
+        self.take(buffer)
+    }
+
+    /// Reads what there is. That there is something is no promise: another reader may have been
+    /// faster, one that had the port before it was locked.
+    fn take(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match rustix::io::read(ioctl::descriptor(&self.port), buffer) {
             // There was something, and it is the end.
             Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
             Ok(count) => Ok(count),
@@ -161,6 +170,12 @@ impl Port {
     }
 }
 
+/// Makes reading return at once: `serialport` leaves it waiting for a character.
+fn never_block(descriptor: BorrowedFd<'_>) -> Result<(), Errno> {
+    let flags = rustix::fs::fcntl_getfl(descriptor)?;
+    rustix::fs::fcntl_setfl(descriptor, flags | OFlags::NONBLOCK)
+}
+
 /// How long a character takes.
 fn character(baud: Baud, format: Format) -> Duration {
     Duration::from_nanos(baud.bits_ns(format.bits()))
@@ -204,5 +219,27 @@ fn explain(refusal: Refusal) -> String {
     match refusal {
         Refusal::Failed(error) => format!("the port takes no settings ({error})"),
         Refusal::Needed(what) => format!("{what}; it cannot be listened to like that"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use std::sync::mpsc::channel;
+    use std::thread;
+
+    #[test]
+    fn what_another_reader_took_is_not_waited_for() {
+        let master =
+            openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let path = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
+        let mut port =
+            Port::open(Path::new(&path), Baud::new(115_200).unwrap(), Format::FT12).unwrap();
+        let (sender, taken) = channel();
+        thread::spawn(move || sender.send(port.take(&mut [0; 16]).unwrap()));
+        assert_eq!(taken.recv_timeout(Duration::from_secs(5)), Ok(0));
     }
 }

@@ -37,14 +37,25 @@ impl Spread {
         self.ns(1)
     }
 
+    /// Up to when was heard, unless the clock was set back since: it knows nothing of what it said
+    /// before.
+    fn heard_until(&self, now: i64) -> Option<i64> {
+        self.heard_until.filter(|until| *until <= now.saturating_add(self.slack))
+    }
+
+    /// Since when so many characters, whose read returned at `now`, may have come, where they do not
+    /// fill the time since then: their stamps are worth no more than that.
+    pub fn doubt(&self, now: i64, count: usize) -> Option<i64> {
+        let first = now.saturating_sub(self.ns(count));
+        self.heard_until(now).filter(|until| first.saturating_sub(*until) > self.slack)
+    }
+
     /// When each of so many characters began whose read returned at `now`. None begins before what
     /// was read before had ended.
     pub fn place(&mut self, now: i64, count: usize) -> impl Iterator<Item = Moment> + use<> {
         let length = self.ns(count);
         let backwards = now.saturating_sub(length);
-        // A clock that was set back knows nothing of what it said before.
-        let earlier = self.heard_until.filter(|until| *until <= now.saturating_add(self.slack));
-        let first = earlier.map_or(backwards, |until| until.max(backwards));
+        let first = self.heard_until(now).map_or(backwards, |until| until.max(backwards));
         let latest = now.saturating_add(self.slack);
         // More than the line can carry at its rate, or a pseudo terminal, which knows no rate: they
         // are drawn together.
@@ -64,9 +75,18 @@ impl Spread {
         })
     }
 
-    /// Nothing was heard up to `until`, and nothing will turn up before.
-    pub fn silence(&mut self, until: i64) {
-        self.heard_until = Some(self.heard_until.map_or(until, |heard| heard.max(until)));
+    /// Up to when was heard, if anything was.
+    pub fn until(&self) -> Option<i64> {
+        self.heard_until
+    }
+
+    /// Nothing was there to be read at `now`, and what was on the line `wait` before would have been.
+    /// Returns up to when the line is known: no earlier than what was heard.
+    pub fn silence(&mut self, now: i64, wait: i64) -> i64 {
+        let until = now.saturating_sub(wait);
+        let until = self.heard_until(now).map_or(until, |heard| heard.max(until));
+        self.heard_until = Some(until);
+        until
     }
 }
 
@@ -115,10 +135,32 @@ mod tests {
     }
 
     #[test]
+    fn characters_that_do_not_fill_the_time_since_may_have_come_at_any() {
+        let mut spread = spread();
+        assert_eq!(spread.doubt(10_000_000, 1), None, "nothing was heard before");
+        placed(&mut spread, 10_000_000, 1);
+        // A second later: 10473 characters fill it, and ± 2 ms are 20.9 of them.
+        let now = 1_010_000_000;
+        for (count, since) in [(10_473, None), (10_453, None), (10_451, Some(10_000_000))] {
+            assert_eq!(spread.doubt(now, count), since, "{count}");
+        }
+    }
+
+    #[test]
     fn nothing_comes_before_a_silence_that_was_told() {
         let mut spread = spread();
-        spread.silence(9_900_000);
+        assert_eq!(spread.silence(10_000_000, 100_000), 9_900_000);
         assert_eq!(placed(&mut spread, 10_000_000, 2), [9_900_000, 9_995_486]);
+    }
+
+    #[test]
+    fn the_line_is_known_up_to_what_was_heard() {
+        let mut spread = spread();
+        placed(&mut spread, 10_000_000, 1);
+        // Twenty characters that come with it take 20 x 95486.1 = 1909722 ns; the last begins after 19.
+        assert_eq!(placed(&mut spread, 10_000_000, 20)[19], 10_000_000 + 1_814_236);
+        assert_eq!(spread.silence(10_000_000, 4_000_000), 10_000_000 + 1_909_722);
+        assert_eq!(spread.silence(20_000_000, 4_000_000), 16_000_000);
     }
 
     #[test]
@@ -126,6 +168,8 @@ mod tests {
         let mut spread = spread();
         placed(&mut spread, 10_000_000_000, 1);
         assert_eq!(placed(&mut spread, 5_000_000_000, 1), [4_999_904_514]);
+        assert_eq!(spread.silence(6_000_000_000, 0), 6_000_000_000);
+        assert_eq!(spread.silence(1_000_000_000, 0), 1_000_000_000);
         assert_eq!(placed(&mut spread, i64::MIN, 2).len(), 2, "whatever the clock says");
     }
 }
