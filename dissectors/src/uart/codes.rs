@@ -99,7 +99,7 @@ pub static LOST: Code = Code {
     rule: "What is not in the capture is not judged; telegrams around the gap may be torn.",
     evidence: "The loss event of the capture, or a gap between two pieces of it. Where nobody listened, the sentence says so: then what was on the line meanwhile is not known.",
     causes: &[
-        "the program that captured could not keep up",
+        "the program that captured could not keep up, was stopped, or the computer's clock was set",
         "nobody listened: the adapter was unplugged or lost its supply, and came back",
         "a live port was listened to at another rate for a while",
         "the logic analyzer was switched off or its channel was not recorded for a while",

@@ -44,11 +44,16 @@ pub struct LiveOptions {
     pub bitrate: Option<u32>,
 }
 
-/// A tap. [`Reader::read_on`] waits for [`PATIENCE`] at most, stamps what it heard at once, and says
-/// silence where there was none.
+/// A tap. [`Reader::read_on`] waits for [`PATIENCE`] at most, unless it says otherwise, stamps what it
+/// heard at once, and says silence where there was none.
 pub trait Tap: Reader + Send {
     /// Nobody listens any more: says what is left to say, such as counters and when it ended.
     fn end(&mut self, _: &mut Outbox) {}
+
+    /// Whether its stamps follow the computer's time of day, which can be set.
+    fn follows_the_day(&self) -> bool {
+        true
+    }
 
     /// It was not read since then, for nobody took what it had heard: says what may be lost, unless
     /// it finds that out when it is read.
@@ -218,7 +223,8 @@ impl Ear {
     fn mind_the_clock(&mut self, delivery: Outbox) -> Outbox {
         let Wall { clocks, watch, has_bus } = &mut self.wall;
         let had_bus = std::mem::replace(has_bus, *has_bus || delivery.has_bus());
-        let Some(step) = watch.look(clocks()) else { return delivery };
+        let step = watch.look(clocks()).filter(|_| self.tap.follows_the_day());
+        let Some(step) = step else { return delivery };
         let mut told = Outbox::default();
         let seconds = step.by as f64 / 1e9;
         let what = format!(

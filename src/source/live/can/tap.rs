@@ -260,6 +260,9 @@ impl Reader for CanTap {
 }
 
 impl Tap for CanTap {
+    /// The socket counts.
+    fn was_kept(&mut self, _: Moment, _: &mut Outbox) {}
+
     fn end(&mut self, out: &mut Outbox) {
         if let Some(State::Hearing(ear) | State::Down(ear)) = &mut self.state
             && self.is_announced

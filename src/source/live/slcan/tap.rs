@@ -266,6 +266,10 @@ impl Reader for SlcanTap {
 }
 
 impl Tap for SlcanTap {
+    fn follows_the_day(&self) -> bool {
+        false
+    }
+
     fn end(&mut self, out: &mut Outbox) {
         match self.state.take() {
             Some(State::Listening(..)) => self.ear.end(out),
