@@ -40,7 +40,9 @@ pub fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
         open.push(format!("{} could not be read", counted(tally.unread, "line")));
     }
     if pipeline.records() == 0 {
-        open.push("everything: nothing was heard".to_owned());
+        let why =
+            if has_strange_edges(buses) { "nothing could be read" } else { "nothing was heard" };
+        open.push(format!("everything: {why}"));
     }
     if let times @ 1.. = buses.iter().map(|bus| bus.counts().deaf).sum() {
         open.push(format!("what was on the line while nobody listened, {times} x"));
@@ -82,6 +84,11 @@ pub fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
 /// Whether nothing tells if words are hex or decimal.
 pub fn is_radix_open(buses: &[Bus]) -> bool {
     buses.iter().any(|bus| bus.info().is_radix_guessed)
+}
+
+/// Whether levels changed in a way that nothing which was looked for explains.
+pub fn has_strange_edges(buses: &[Bus]) -> bool {
+    buses.iter().any(|bus| bus.counts().strange_edges > 0)
 }
 
 /// Whether the unit of its times may be another.

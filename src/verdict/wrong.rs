@@ -1,6 +1,8 @@
 //! WRONG: what was the worst, and what is to be done?
 
-use super::open::{has_doubtful_times, is_load_open, is_radix_open, open_parity};
+use super::open::{
+    has_doubtful_times, has_strange_edges, is_load_open, is_radix_open, open_parity,
+};
 use super::{Cut, counted};
 use crate::clock::Clock;
 use crate::pipeline::Pipeline;
@@ -16,7 +18,7 @@ use std::fmt::Write;
 pub fn nothing(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let (shown, all) = (tally.records, pipeline.records());
     let buses = pipeline.buses();
-    if all == 0 && buses.iter().any(|bus| bus.counts().strange_edges > 0) {
+    if all == 0 && has_strange_edges(buses) {
         return "not judged: what was heard is another protocol's, or cannot be read -> leave out \
                 --protocol, or look at rate and levels"
             .to_owned();
