@@ -194,7 +194,7 @@ impl Dissector for Can {
                 frames.iter().for_each(|frame| self.frame(bus, frame, out));
             }
             Event::Lost(loss) => {
-                self.watch.lose();
+                self.watch.lose(&loss);
                 lose(&PROTOCOL, (bus, self.wire), loss, out);
             }
             Event::Characters(_)

@@ -11,6 +11,9 @@ const WINDOW_NS: i64 = 1_000_000_000;
 #[derive(Clone, Copy, Debug)]
 pub struct Load {
     busy_ns: u64,
+    /// Time that was heard before the last pause.
+    heard_ns: i64,
+    /// The time since.
     first: Moment,
     last: Moment,
     window: Moment,
@@ -23,7 +26,15 @@ impl Load {
     #[must_use]
     pub const fn new() -> Self {
         let none = Moment::UNKNOWN;
-        Load { busy_ns: 0, first: none, last: none, window: none, window_ns: 0, peak: 0 }
+        Load {
+            busy_ns: 0,
+            heard_ns: 0,
+            first: none,
+            last: none,
+            window: none,
+            window_ns: 0,
+            peak: 0,
+        }
     }
 
     /// Adds a frame. Returns the load of the second that ended with it, in permille, if one did.
@@ -46,11 +57,22 @@ impl Load {
         Some(load)
     }
 
-    /// The load of all the time, in permille; `None` where there was none.
+    /// Nobody listened from the last frame to the next: how busy the bus was meanwhile is not known.
+    pub fn pause(&mut self) {
+        self.heard_ns = self.heard();
+        (self.first, self.last, self.window_ns) = (Moment::UNKNOWN, Moment::UNKNOWN, 0);
+    }
+
+    /// The load of all the time that was heard, in permille; `None` where there was none.
     #[must_use]
     pub fn mean(&self) -> Option<u16> {
-        let ns = self.last.since(self.first).filter(|ns| *ns > 0)?;
-        Some(permille(self.busy_ns, ns))
+        let heard = self.heard();
+        (heard > 0).then(|| permille(self.busy_ns, heard))
+    }
+
+    fn heard(&self) -> i64 {
+        let since = self.last.since(self.first).unwrap_or(0);
+        self.heard_ns.saturating_add(since.max(0))
     }
 
     /// The busiest second, in permille; `None` where there was no whole second.
@@ -87,5 +109,23 @@ mod tests {
         assert_eq!(told, [840, 840]);
         assert_eq!(load.peak(), Some(840));
         assert_eq!(load.mean(), Some(840));
+    }
+
+    /// The same for a second before and a second after an hour in which nobody listened.
+    #[test]
+    fn a_pause_of_the_tap_is_none_of_the_bus() {
+        let rate = Baud::new(125_000).unwrap();
+        let mut load = Load::new();
+        let second = |from: i64, load: &mut Load| {
+            (0..1_001).for_each(|ms| {
+                load.add(Moment::from_ns((from + ms) * 1_000_000), 105, rate);
+            });
+        };
+        second(0, &mut load);
+        load.pause();
+        second(3_600_000, &mut load);
+        // 2002 frames of 840 µs in 2000 ms.
+        assert_eq!(load.mean(), Some(840));
+        assert_eq!(load.peak(), Some(840));
     }
 }

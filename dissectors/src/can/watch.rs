@@ -1,7 +1,7 @@
 //! What is judged of every frame, whatever protocol it carries.
 
 use super::{ErrorClasses, ErrorDetail, Frame, FrameKind, Load, codes};
-use crate::event::Moment;
+use crate::event::{Loss, LossCause, Moment};
 use crate::finding::Finding;
 use crate::uart::{Baud, Wire};
 use alloc::vec::Vec;
@@ -186,8 +186,11 @@ impl Watch {
     }
 
     /// What was lost may have been anything.
-    pub fn lose(&mut self) {
+    pub fn lose(&mut self, loss: &Loss) {
         (self.last, self.repeats) = (None, 0);
+        if loss.cause == LossCause::Deaf {
+            self.load.pause();
+        }
     }
 
     /// When the last frame was heard.

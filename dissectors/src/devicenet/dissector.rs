@@ -251,7 +251,7 @@ impl DeviceNet {
     /// A loss is told with the frame behind it, and may have been at any time since the one before:
     /// what was due meanwhile is not judged.
     fn lose(&mut self, bus: &BusInfo, loss: Loss, out: &mut Output<'_>) {
-        self.watch.lose();
+        self.watch.lose(&loss);
         self.forget();
         can::lose(&PROTOCOL, (bus, self.wire), loss, out);
     }
