@@ -22,6 +22,7 @@ pub mod record;
 mod simulate;
 pub mod source;
 pub mod stations;
+mod stdout;
 pub mod tally;
 pub mod terminal;
 pub mod verdict;

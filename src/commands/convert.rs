@@ -5,6 +5,7 @@ use crate::decode::{FAILED, USAGE, decode, settings};
 use crate::export::{Candump, Chars, Columns, Csv, Export, Json, PcapNg, Rows};
 use crate::output::Output;
 use crate::say;
+use crate::stdout::Stdout;
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::io::{self, BufWriter, Write};
@@ -101,7 +102,7 @@ fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
     let sources = std::slice::from_ref(&arguments.input);
     let output = &arguments.output;
     if output == Path::new("-") {
-        let mut export = form.export(BufWriter::new(io::stdout().lock()))?;
+        let mut export = form.export(BufWriter::new(Stdout::new()))?;
         let outcome = decode(&arguments.decoding, sources, settings, &mut *export);
         outcome.report();
         return Ok(outcome.exit_code());

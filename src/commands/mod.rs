@@ -15,6 +15,7 @@ pub mod stats;
 use crate::cli::{Cli, Command};
 use crate::decode::FAILED;
 use crate::say;
+use crate::stdout::Stdout;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -41,7 +42,7 @@ fn print(text: &str) -> ExitCode {
 
 /// Prints to standard output. That nobody reads it to the end is no fault.
 fn print_bytes(bytes: &[u8]) -> ExitCode {
-    match io::stdout().write_all(bytes) {
+    match Stdout::new().write_all(bytes) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {

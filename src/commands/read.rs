@@ -4,6 +4,7 @@ use crate::cli::Decoding;
 use crate::clock::Clock;
 use crate::decode::{USAGE, decode, settings};
 use crate::export::{Changes, Columns, Csv, Export, Json, Text};
+use crate::stdout::Stdout;
 use crate::{say, terminal};
 use clap::{Args, ValueEnum};
 use std::io::{self, BufWriter};
@@ -57,7 +58,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         say!("fieldtap: -e chooses columns of CSV: add --format csv");
         return ExitCode::from(USAGE);
     }
-    let out = BufWriter::with_capacity(64 * 1024, io::stdout().lock());
+    let out = BufWriter::with_capacity(64 * 1024, Stdout::new());
     let mut export: Box<dyn Export> = match arguments.format {
         Form::Text => {
             let has_colour = has_colour(decoding.color);

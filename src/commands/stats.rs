@@ -4,6 +4,7 @@ use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
 use crate::say;
+use crate::stdout::Stdout;
 use crate::tally::{FindingTally, Period, Positions, StationTally};
 use crate::terminal::clean;
 use crate::verdict::Learned;
@@ -59,7 +60,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         Form::Text => text(&outcome),
         Form::Json => format!("{:#}\n", as_json(&outcome)),
     };
-    match io::stdout().write_all(text.as_bytes()) {
+    match Stdout::new().write_all(text.as_bytes()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
             say!("fieldtap: the output cannot be written: {error}");

@@ -2,12 +2,17 @@
 
 use super::outbox::{Outbox, Reader};
 use super::{Piece, Source, SourceError};
+use crate::interrupt;
 use std::panic;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 /// Outboxes that may be full and wait to be decoded. More would only leave the processor's cache.
 const AHEAD: usize = 4;
+
+/// How long it may take until a user who wants the run to end is heeded.
+const TURN: Duration = Duration::from_millis(100);
 
 /// A source whose items are read in a thread of its own. What it says is the same, in the same
 /// order, as if it were read by who decodes it.
@@ -28,15 +33,24 @@ impl ReadingAhead {
     }
 }
 
+impl ReadingAhead {
+    fn end(&mut self) -> Result<Option<Piece<'_>>, SourceError> {
+        match self.reading.take().map(JoinHandle::join) {
+            Some(Err(panicked)) => panic::resume_unwind(panicked),
+            _ => Ok(None),
+        }
+    }
+}
+
 impl Source for ReadingAhead {
     fn next_piece(&mut self) -> Result<Option<Piece<'_>>, SourceError> {
         while self.current.is_empty() {
-            let Ok(next) = self.full.recv() else {
-                let reading = self.reading.take().map(JoinHandle::join);
-                return match reading {
-                    Some(Err(panicked)) => panic::resume_unwind(panicked),
-                    _ => Ok(None),
-                };
+            // A disk on a network may not answer: whoever reads it is left behind then.
+            let next = match self.full.recv_timeout(TURN) {
+                Ok(next) => next,
+                Err(RecvTimeoutError::Timeout) if interrupt::came() => return Ok(None),
+                Err(RecvTimeoutError::Timeout) => continue,
+                Err(RecvTimeoutError::Disconnected) => return self.end(),
             };
             let used = std::mem::replace(&mut self.current, next);
             // Nobody needs it once everything is read.

@@ -113,6 +113,25 @@ fn a_simulation_that_is_interrupted_leaves_nothing() {
     }
 }
 
+/// A pager that shows the first page, or a terminal that is held: the pipe is full, and stays so.
+#[cfg(unix)]
+#[test]
+fn who_takes_nothing_any_more_keeps_no_run_from_ending() {
+    let scratch = Scratch::new();
+    // More than a pipe holds, 64 KiB.
+    let log = scratch.file("long.log", FRAMES.repeat(20_000));
+    for stop in ["-INT", "-TERM"] {
+        let mut child = start(&["read", argument(&log)]);
+        std::thread::sleep(Duration::from_millis(500));
+        assert_eq!(child.try_wait().expect("it is ours"), None, "it waits for its reader");
+        signal(&child, stop);
+        let (status, told) = end(&mut child);
+        assert_eq!(status, Some(3), "{told}");
+        assert!(told.contains("the output cannot be written: whoever reads it takes nothing"));
+        assert!(told.contains("OPEN   what comes after the interruption"), "{told}");
+    }
+}
+
 /// A device told another vendor than the file has: it was told.
 #[test]
 fn a_description_of_another_device_does_not_say_that_nobody_told() {
