@@ -1,31 +1,61 @@
 //! JSON Lines: one record a line, with the keys of the protocols' field tables.
 
 use super::Export;
-use dissectors::field::{Field, Kind, List, Rows, Value};
+use dissectors::field::{Field, FieldId, Kind, List, Rows, Value};
 use dissectors::finding::{Finding, State};
+use dissectors::protocol::PROTOCOLS;
 use dissectors::record::{Record, Sink};
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 use std::fmt;
 use std::io::{self, Write};
+use std::ops::Range;
 
 /// Writes records as JSON Lines.
 pub struct Json<W> {
     out: W,
     result: io::Result<()>,
     sentence: String,
+    /// By protocol.
+    layouts: [Vec<Node>; PROTOCOLS.len()],
+}
+
+/// Where a field stands in the objects of its protocol.
+enum Node {
+    /// Here, with this key.
+    Field(FieldId, &'static str),
+    /// In an object of this name, with others. They follow each other in the table.
+    Object(&'static str, Range<FieldId>, Vec<Node>),
+}
+
+/// How fields stand, the first of which has this number, below the objects of so many dots.
+fn layout(fields: &'static [Field], first: FieldId, depth: usize) -> Vec<Node> {
+    let mut id = first;
+    let groups = fields.chunk_by(|a, b| a.shares_object(b, depth));
+    let node = |group: &'static [Field]| {
+        let ids = id..id + group.len();
+        id = ids.end;
+        match group[0].object(depth) {
+            Some(name) => Node::Object(name, ids.clone(), layout(group, ids.start, depth + 1)),
+            None => Node::Field(ids.start, group[0].key()),
+        }
+    };
+    groups.map(node).collect()
 }
 
 impl<W: Write> Json<W> {
     /// Writes to `out`.
     pub fn new(out: W) -> Self {
-        Json { out, result: Ok(()), sentence: String::new() }
+        let layouts = PROTOCOLS.map(|protocol| layout(protocol.fields, 0, 0));
+        Json { out, result: Ok(()), sentence: String::new(), layouts }
     }
 
     fn write(&mut self, record: &Record<'_>) -> io::Result<()> {
         self.sentence.clear();
         // A String takes any text.
         let _ = record.summarize(&mut self.sentence);
-        let object = Object { record, sentence: &self.sentence };
+        let protocol = PROTOCOLS.iter().position(|protocol| *protocol == record.protocol);
+        let nodes = protocol.map_or(&[][..], |index| &self.layouts[index]);
+        let object = Object { record, sentence: &self.sentence, nodes };
         serde_json::to_writer(&mut self.out, &object).map_err(io::Error::from)?;
         self.out.write_all(b"\n")
     }
@@ -52,6 +82,7 @@ impl<W: Write> Export for Json<W> {
 struct Object<'a> {
     record: &'a Record<'a>,
     sentence: &'a str,
+    nodes: &'a [Node],
 }
 
 impl Serialize for Object<'_> {
@@ -88,8 +119,17 @@ impl Serialize for Object<'_> {
         if record.has_bytes() {
             map.serialize_entry("raw", &Shown(&Raw(record)))?;
         }
-        let fields = record.protocol.fields;
-        Layer { record, fields, first: 0, depth: 0 }.entries(&mut map)?;
+        for node in self.nodes {
+            // What carries bytes has the object of its protocol, be it empty.
+            if let Node::Object(name, _, nodes) = node
+                && record.has_bytes()
+                && *name == record.protocol.name
+            {
+                map.serialize_entry(name, &Layer { record, nodes })?;
+            } else {
+                node.entry(record, &mut map)?;
+            }
+        }
         map.serialize_entry("findings", &Findings(record))?;
         if !record.withheld.is_empty() {
             let names = record.withheld.iter().map(|code| code.name);
@@ -99,49 +139,44 @@ impl Serialize for Object<'_> {
     }
 }
 
-/// Consecutive fields of a protocol whose names share what stands before the dot of this depth.
-struct Layer<'a> {
-    record: &'a Record<'a>,
-    fields: &'static [Field],
-    first: usize,
-    depth: usize,
+impl Node {
+    /// Writes what is not absent.
+    fn entry<M: SerializeMap>(&self, record: &Record<'_>, map: &mut M) -> Result<(), M::Error> {
+        match self {
+            Node::Field(id, key) => {
+                entry(key, record.protocol.fields[*id].kind, record.get(*id), map)
+            }
+            Node::Object(name, ids, nodes) => {
+                match ids.clone().any(|id| !record.get(id).is_absent()) {
+                    true => map.serialize_entry(name, &Layer { record, nodes }),
+                    false => Ok(()),
+                }
+            }
+        }
+    }
 }
 
-impl Layer<'_> {
-    fn entries<M: SerializeMap>(&self, map: &mut M) -> Result<(), M::Error> {
-        let Layer { record, mut first, depth, .. } = *self;
-        for group in self.fields.chunk_by(|a, b| a.shares_object(b, depth)) {
-            if let Some(object) = group[0].object(depth) {
-                let layer = Layer { record, fields: group, first, depth: depth + 1 };
-                // What carries bytes has the object of its protocol, be it empty.
-                let is_due = depth == 0 && record.has_bytes() && object == record.protocol.name;
-                if is_due || (first..first + group.len()).any(|id| !record.get(id).is_absent()) {
-                    map.serialize_entry(object, &layer)?;
-                }
-            } else {
-                entry(&group[0], record.get(first), map)?;
-            }
-            first += group.len();
-        }
-        Ok(())
-    }
+/// What stands in an object.
+struct Layer<'a> {
+    record: &'a Record<'a>,
+    nodes: &'a [Node],
 }
 
 impl Serialize for Layer<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        self.entries(&mut map)?;
+        self.nodes.iter().try_for_each(|node| node.entry(self.record, &mut map))?;
         map.end()
     }
 }
 
 fn entry<M: SerializeMap>(
-    field: &'static Field,
+    key: &'static str,
+    kind: Kind,
     value: Value<'_>,
     map: &mut M,
 ) -> Result<(), M::Error> {
-    let key = field.key();
-    match (value, field.kind) {
+    match (value, kind) {
         (Value::Absent, _) => Ok(()),
         (Value::Rows(rows), Kind::Rows(fields)) => {
             map.serialize_entry(key, &Table { rows, fields })
@@ -200,7 +235,7 @@ impl Serialize for Row<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
         for (id, field) in self.table.fields.iter().enumerate() {
-            entry(field, self.table.rows.get(self.row, id), &mut map)?;
+            entry(field.key(), field.kind, self.table.rows.get(self.row, id), &mut map)?;
         }
         map.end()
     }
