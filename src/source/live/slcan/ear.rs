@@ -3,7 +3,7 @@
 use super::super::super::outbox::Outbox;
 use super::super::super::rows::shown;
 use super::super::super::{Place, SourceError};
-use super::adapter::{Adapter, Setting};
+use super::adapter::{Adapter, Problem, Setting};
 use super::clock::{AdapterClock, HostClock};
 use super::line::{self, Line};
 use super::search::Search;
@@ -14,7 +14,7 @@ use dissectors::event::{Clock, Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use dissectors::uart::Baud;
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
 
 /// There is but one bus.
 const BUS: usize = 0;
@@ -82,13 +82,13 @@ impl Ear {
     /// Reads once, and says what was heard, or that nothing was.
     ///
     /// # Errors
-    /// The port is gone.
+    /// The port is gone, or the adapter refuses after all to listen only.
     pub fn listen<P: Read + Write>(
         &mut self,
         port: &mut Adapter<P>,
         setting: &Setting,
         out: &mut Outbox,
-    ) -> io::Result<()> {
+    ) -> Result<(), Problem> {
         // Taken first: this thread may be kept from going on for any time once it has read.
         let before = self.host.now();
         if port.read(|saying| self.hear(saying, setting, out))? {
@@ -118,13 +118,13 @@ impl Ear {
     /// Reads once, and tells what was heard to who looks for the bit rate.
     ///
     /// # Errors
-    /// The port is gone.
+    /// The port is gone, or the adapter refuses after all to listen only.
     pub fn listen_for_rate<P: Read + Write>(
         &mut self,
         port: &mut Adapter<P>,
         setting: &Setting,
         search: &mut Search,
-    ) -> io::Result<()> {
+    ) -> Result<(), Problem> {
         port.read(|saying| match understand(saying) {
             Some(Line::Frame(frame, ms)) => search.hear(self.stamp(frame, ms, setting)),
             Some(Line::Reports(reports)) => {
@@ -239,6 +239,7 @@ mod tests {
     use super::super::adapter::Rate;
     use super::*;
     use dissectors::event::Event;
+    use std::io;
     use std::time::Duration;
 
     /// What is said of these bytes of an adapter, a word a piece.

@@ -7,6 +7,7 @@
 mod adapter;
 mod clock;
 mod ear;
+mod exchange;
 mod line;
 mod search;
 mod split;

@@ -105,8 +105,8 @@ impl SlcanTap {
         if !std::mem::replace(&mut self.is_search_told, true) {
             out.note(&format!("{}: {}", self.source, search::told()));
         }
-        if let Err(error) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
-            return self.lose(None, error, out);
+        if let Err(problem) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
+            return self.lose(None, problem, out);
         }
         match search.step(Instant::now()) {
             Step::Wait => Ok(State::Searching(port, setting, search)),
@@ -145,7 +145,7 @@ impl SlcanTap {
         self.ear.announce(&setting, out);
         match self.ear.listen(&mut port, &setting, out) {
             Ok(()) => Ok(State::Listening(port, setting)),
-            Err(error) => self.lose(Some(setting.rate), error, out),
+            Err(problem) => self.lose(Some(setting.rate), problem, out),
         }
     }
 
@@ -154,11 +154,11 @@ impl SlcanTap {
     fn lose(
         &mut self,
         rate: Option<Rate>,
-        error: io::Error,
+        problem: Problem,
         out: &mut Outbox,
     ) -> Result<State, SourceError> {
-        if !self.options.reconnect {
-            return Err(because(&self.source, Problem::Port(error)));
+        if !self.options.reconnect || matches!(problem, Problem::Adapter(_)) {
+            return Err(because(&self.source, problem));
         }
         if rate.is_some() {
             let start = self.ear.now();
