@@ -131,7 +131,7 @@ impl Ear {
                 reports.frames(self.host.now(), READ_NS).for_each(|frame| search.hear(frame));
             }
             Some(Line::Answer) => {}
-            None => search.err(),
+            None => search.misread(),
         })?;
         Ok(())
     }
@@ -197,7 +197,12 @@ impl Ear {
         }
         let line = match saying {
             Saying::Line(line) => shown(line),
-            Saying::TooLong => "a line without an end".to_owned(),
+            Saying::TooLong => {
+                let what = "a line without an end: it sends, but not slcan. Is it the right port, \
+                            at the right rate, with firmware that speaks slcan?";
+                out.warning(SourceError::new(&self.source, Place::Whole, what));
+                return;
+            }
             Saying::Refusal => return,
         };
         let more = match self.garbled {
@@ -382,6 +387,13 @@ mod tests {
         assert_eq!(said[6..8], ["456 +0", "lost None"]);
         assert_eq!(said[8], told(&shown(b"t4561")));
         assert_eq!(said[9..], ["silence"]);
+    }
+
+    #[test]
+    fn one_that_never_ends_a_line_is_told_once_and_something_is_lost() {
+        let said = hear(&[b'x'; 4000], false);
+        assert_eq!((said[2].as_str(), said.len()), ("lost None", 5));
+        assert!(said[3].contains("it sends, but not slcan"), "{said:?}");
     }
 
     #[test]

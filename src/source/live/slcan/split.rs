@@ -16,7 +16,7 @@ pub enum Saying<'a> {
     Line(&'a [u8]),
     /// A command was not done.
     Refusal,
-    /// A line longer than any that there is.
+    /// A line longer than any that there is: said as soon as it is, and of its end nothing more.
     TooLong,
 }
 
@@ -38,7 +38,7 @@ impl Splitter {
         match byte {
             DONE => {
                 let length = std::mem::take(&mut self.length);
-                Some(self.line.get(..length).map_or(Saying::TooLong, Saying::Line))
+                self.line.get(..length).map(Saying::Line)
             }
             // Whatever was begun before it is no line.
             BELL => {
@@ -51,8 +51,9 @@ impl Splitter {
                 if let Some(free) = self.line.get_mut(self.length) {
                     *free = byte;
                 }
+                let is_first_too_much = self.length == LONGEST;
                 self.length = (self.length + 1).min(LONGEST + 1);
-                None
+                is_first_too_much.then_some(Saying::TooLong)
             }
         }
     }
@@ -88,6 +89,7 @@ mod tests {
     fn a_line_without_end_does_not_grow_and_the_next_one_is_good() {
         let long = [&[b'x'; 100_000][..], b"\rt1230\r"].concat();
         assert_eq!(split(&long), ["too long", "t1230"]);
+        assert_eq!(split(&[b'x'; 100_000]), ["too long"], "it need not end");
         let longest = [b'x'; LONGEST];
         assert_eq!(split(&[&longest[..], b"\r"].concat())[0].len(), LONGEST);
     }
