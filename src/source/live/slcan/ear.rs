@@ -44,6 +44,7 @@ pub struct Ear {
     /// The last line was none: what was lost with it was told.
     is_garbled: bool,
     is_stamp_missed: bool,
+    has_frames: bool,
 }
 
 impl Ear {
@@ -58,6 +59,7 @@ impl Ear {
             garbled: 0,
             is_garbled: false,
             is_stamp_missed: false,
+            has_frames: false,
         }
     }
 
@@ -137,7 +139,8 @@ impl Ear {
     }
 
     /// The capture ends.
-    pub fn end(&self, out: &mut Outbox) {
+    pub fn end(&mut self, out: &mut Outbox) {
+        self.tell_rest(out);
         if self.is_announced {
             out.end(BUS, self.now());
         }
@@ -153,7 +156,8 @@ impl Ear {
             self.tell_garbled(saying, out);
             return;
         };
-        self.is_garbled = false;
+        // Of noise, too, some bytes say no more than that something was done, or was not.
+        self.is_garbled &= matches!(line, Line::Answer);
         match line {
             Line::Frame(frame, ms) => {
                 if setting.has_stamps && ms.is_none() && !self.is_stamp_missed {
@@ -162,6 +166,7 @@ impl Ear {
                                 the time when they were read";
                     out.warning(SourceError::new(&self.source, Place::Whole, what));
                 }
+                self.has_frames = true;
                 out.frame(BUS, self.stamp(frame, ms, setting));
             }
             Line::Reports(reports) => {
@@ -200,7 +205,7 @@ impl Ear {
             Saying::TooLong => {
                 let what = "a line without an end: it sends, but not slcan. Is it the right port, \
                             at the right rate, with firmware that speaks slcan?";
-                out.warning(SourceError::new(&self.source, Place::Whole, what));
+                out.warning(self.left_out(what, 1));
                 return;
             }
             Saying::Refusal => return,
@@ -210,7 +215,26 @@ impl Ear {
             _ => "",
         };
         let what = format!("not a frame: {line}. Bytes are lost on the port{more}");
-        out.warning(SourceError::new(&self.source, Place::Whole, what));
+        out.warning(self.left_out(what, 1));
+    }
+
+    fn left_out(&self, what: impl Into<String>, lines: u64) -> SourceError {
+        SourceError::new(&self.source, Place::Whole, what).leaving_out(lines)
+    }
+
+    /// Says of how much nothing was said one by one.
+    pub fn tell_rest(&mut self, out: &mut Outbox) {
+        let garbled = u64::from(std::mem::take(&mut self.garbled));
+        if let more @ 1.. = garbled.saturating_sub(MOST_TOLD.into()) {
+            let advice = match self.has_frames {
+                true => "bytes are lost on the port",
+                false => {
+                    "it sends, but not slcan: is it the right port, at the right rate, with \
+                     firmware that speaks slcan?"
+                }
+            };
+            out.warning(self.left_out(format!("{more} more lines are no frames: {advice}"), more));
+        }
     }
 }
 
@@ -273,6 +297,7 @@ mod tests {
         ear.announce(&setting, &mut out);
         ear.listen(&mut port, &setting, &mut out).expect("the port is there");
         ear.listen(&mut port, &setting, &mut out).expect("the port is there");
+        ear.end(&mut out);
         let mut said = Vec::new();
         let mut first = None;
         while let Some(piece) = out.next() {
@@ -292,6 +317,7 @@ mod tests {
                 Piece::Heard(_, Event::Advance(_)) => said.push("silence".to_owned()),
                 Piece::Warning(warning) => said.push(warning.to_string()),
                 Piece::Note(note) => said.push(note.to_owned()),
+                Piece::End(..) => {}
                 _ => panic!("nothing else is said"),
             }
         }
@@ -398,9 +424,13 @@ mod tests {
 
     #[test]
     fn garbage_without_end_is_not_told_without_end() {
-        let said = hear(&b"x\r".repeat(1000), false);
-        // The bus, how it is set, the loss, the lines, the silence.
-        assert_eq!(said.len(), 3 + MOST_TOLD as usize + 1);
+        // Noise has refusals among it, and empty lines.
+        let said = hear(&b"x\r\x07\r".repeat(1000), false);
+        // The bus, how it is set, the loss, the lines, the silence, what the end says.
+        assert_eq!(said.len(), 3 + MOST_TOLD as usize + 2);
         assert!(said[2 + MOST_TOLD as usize].ends_with("More such lines are not told"));
+        assert!(
+            said[4 + MOST_TOLD as usize].contains("980 more lines are no frames: it sends, but")
+        );
     }
 }

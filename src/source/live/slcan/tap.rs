@@ -158,6 +158,7 @@ impl SlcanTap {
         out: &mut Outbox,
     ) -> Result<State, SourceError> {
         if !self.options.reconnect || matches!(problem, Problem::Adapter(_)) {
+            self.ear.tell_rest(out);
             return Err(because(&self.source, problem));
         }
         if rate.is_some() {
