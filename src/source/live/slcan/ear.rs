@@ -6,6 +6,7 @@ use super::super::super::{Place, SourceError};
 use super::adapter::{Adapter, Problem, Setting};
 use super::clock::{AdapterClock, HostClock};
 use super::line::{self, Line};
+use super::repeats::Repeats;
 use super::search::Search;
 use super::split::Saying;
 use dissectors::bus::WireFacts;
@@ -45,6 +46,7 @@ pub struct Ear {
     is_garbled: bool,
     is_stamp_missed: bool,
     has_frames: bool,
+    repeats: Repeats,
 }
 
 impl Ear {
@@ -60,6 +62,7 @@ impl Ear {
             is_garbled: false,
             is_stamp_missed: false,
             has_frames: false,
+            repeats: Repeats::default(),
         }
     }
 
@@ -171,9 +174,20 @@ impl Ear {
             }
             Line::Reports(reports) => {
                 let at = self.now();
-                reports.frames(at, READ_NS).for_each(|frame| out.frame(BUS, frame));
+                if self.is_news(saying) {
+                    reports.frames(at, READ_NS).for_each(|frame| out.frame(BUS, frame));
+                }
             }
             Line::Answer => {}
+        }
+    }
+
+    /// Whether what the adapter reports is to be told. Each error on the bus (`e`) is; a state only
+    /// where it was not told just now.
+    fn is_news(&mut self, saying: Saying<'_>) -> bool {
+        match saying {
+            Saying::Line(line @ [b'F' | b's', ..]) => self.repeats.is_news(line, self.host.now()),
+            _ => true,
         }
     }
 
@@ -224,6 +238,11 @@ impl Ear {
 
     /// Says of how much nothing was said one by one.
     pub fn tell_rest(&mut self, out: &mut Outbox) {
+        if let more @ 1.. = self.repeats.take_left_out() {
+            let what =
+                "lines about the adapter's own state are not told: they came again and again";
+            out.note(&format!("{}: {more} {what}", self.source));
+        }
         let garbled = u64::from(std::mem::take(&mut self.garbled));
         if let more @ 1.. = garbled.saturating_sub(MOST_TOLD.into()) {
             let advice = match self.has_frames {
@@ -420,6 +439,17 @@ mod tests {
         let said = hear(&[b'x'; 4000], false);
         assert_eq!((said[2].as_str(), said.len()), ("lost None", 5));
         assert!(said[3].contains("it sends, but not slcan"), "{said:?}");
+    }
+
+    /// FFFh is an overrun, error passive and a bus error: three error frames.
+    #[test]
+    fn a_flood_of_states_is_told_once_and_counted() {
+        let said = hear(&b"F00\rFFF\r".repeat(400), false);
+        let [errors @ .., silence, note] = &said[2..] else { panic!("{said:?}") };
+        assert_eq!((errors.len(), silence.as_str()), (3, "silence"), "{said:?}");
+        assert!(note.contains(": 798 lines about the adapter's own state"), "{said:?}");
+        let said = hear(&b"e1s\r".repeat(400), false);
+        assert_eq!(said.len(), 2 + 400 + 1, "each is an error on the bus");
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod clock;
 mod ear;
 mod exchange;
 mod line;
+mod repeats;
 mod search;
 mod split;
 mod tap;
