@@ -218,7 +218,7 @@ impl<P: Read + Write> Adapter<P> {
     pub fn read(&mut self, mut take: impl FnMut(Saying<'_>)) -> Result<bool, Problem> {
         let mut refuses = false;
         let is_heard = self.read_while(|saying| {
-            refuses |= saying == Saying::Refusal;
+            refuses |= matches!(saying, Saying::Refusal | Saying::CutRefusal);
             take(saying);
             ControlFlow::Continue(())
         })?;
@@ -226,6 +226,11 @@ impl<P: Read + Write> Adapter<P> {
             return Err(Problem::Adapter(REFUSES.to_owned()));
         }
         Ok(is_heard)
+    }
+
+    /// Whether it began a line and did not end it.
+    pub fn has_begun(&self) -> bool {
+        self.splitter.has_begun()
     }
 
     /// The same, for as long as more is wanted. The rest is for who reads next.

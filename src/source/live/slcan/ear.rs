@@ -96,7 +96,13 @@ impl Ear {
     ) -> Result<(), Problem> {
         // Taken first: this thread may be kept from going on for any time once it has read.
         let before = self.host.now();
-        if port.read(|saying| self.hear(saying, setting, out))? {
+        let heard = port.read(|saying| self.hear(saying, setting, out));
+        if heard.is_err() && port.has_begun() {
+            // With the rest of this line a frame is gone.
+            let start = self.now();
+            out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
+        }
+        if heard? {
             self.tell_jump(out);
             return Ok(());
         }
@@ -222,6 +228,7 @@ impl Ear {
                 out.warning(self.left_out(what, 1));
                 return;
             }
+            Saying::CutRefusal => "a line that BEL cuts".to_owned(),
             Saying::Refusal => return,
         };
         let more = match self.garbled {
@@ -263,7 +270,7 @@ fn understand(saying: Saying<'_>) -> Option<Line> {
         Saying::Line(line) => line::parse(line),
         // Nothing was asked.
         Saying::Refusal => Some(Line::Answer),
-        Saying::TooLong => None,
+        Saying::TooLong | Saying::CutRefusal => None,
     }
 }
 
@@ -450,6 +457,45 @@ mod tests {
         assert!(note.contains(": 798 lines about the adapter's own state"), "{said:?}");
         let said = hear(&b"e1s\r".repeat(400), false);
         assert_eq!(said.len(), 2 + 400 + 1, "each is an error on the bus");
+    }
+
+    #[test]
+    fn a_line_that_is_cut_is_a_loss() {
+        let said = hear(b"t1230\rt45\x07t4560\r", false);
+        assert_eq!(said[2..4], ["123 +0", "lost None"]);
+        assert!(said[4].contains("a line that BEL cuts"), "{said:?}");
+        assert_eq!(said[5..], ["456 +0", "silence"]);
+    }
+
+    #[test]
+    fn what_was_begun_when_the_adapter_is_unplugged_is_a_loss() {
+        struct Unplugged(&'static [u8]);
+        impl Read for Unplugged {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                self.0.read(buffer)
+            }
+        }
+        impl Write for Unplugged {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let rate = Rate::new(500_000).expect("adapters have it");
+        let setting = Setting { name: String::new(), rate, has_stamps: true, is_confirmed: true };
+        for (told, losses) in [(&b"t12381122"[..], 1), (b"t1230\r", 0)] {
+            let (mut ear, mut out) = (Ear::new("tty", "slcan:tty"), Outbox::default());
+            let mut port = Adapter::new(Unplugged(told));
+            ear.listen(&mut port, &setting, &mut out).expect("there is something");
+            ear.listen(&mut port, &setting, &mut out).expect_err("it is gone");
+            let mut lost = 0;
+            while let Some(piece) = out.next() {
+                lost += i32::from(matches!(piece, Ok(Piece::Heard(_, Event::Lost(_)))));
+            }
+            assert_eq!(lost, losses, "{told:?}");
+        }
     }
 
     #[test]

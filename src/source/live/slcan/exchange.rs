@@ -79,7 +79,7 @@ impl Exchange {
     pub fn hear(&mut self, saying: Saying<'_>) {
         let mut waiting = self.asked.iter_mut().filter(|(_, answer)| *answer == Answer::None);
         let (answer, waiting) = match saying {
-            Saying::Refusal => (Answer::Refused, waiting.next()),
+            Saying::Refusal | Saying::CutRefusal => (Answer::Refused, waiting.next()),
             Saying::Line(b"") => (Answer::Done(String::new()), waiting.next()),
             Saying::Line(line) => {
                 let waiting = waiting.find(|(command, _)| command.is_answered_by(line));

@@ -16,6 +16,8 @@ pub enum Saying<'a> {
     Line(&'a [u8]),
     /// A command was not done.
     Refusal,
+    /// The same, in the middle of a line, of which the rest is lost.
+    CutRefusal,
     /// A line longer than any that there is: said as soon as it is, and of its end nothing more.
     TooLong,
 }
@@ -40,11 +42,10 @@ impl Splitter {
                 let length = std::mem::take(&mut self.length);
                 self.line.get(..length).map(Saying::Line)
             }
-            // Whatever was begun before it is no line.
-            BELL => {
-                self.length = 0;
-                Some(Saying::Refusal)
-            }
+            BELL => Some(match std::mem::take(&mut self.length) {
+                1..=LONGEST => Saying::CutRefusal,
+                _ => Saying::Refusal,
+            }),
             // Some end their lines as Windows does.
             b'\n' if self.length == 0 => None,
             _ => {
@@ -56,6 +57,11 @@ impl Splitter {
                 is_first_too_much.then_some(Saying::TooLong)
             }
         }
+    }
+
+    /// Whether a line was begun.
+    pub fn has_begun(&self) -> bool {
+        self.length > 0
     }
 
     /// Forgets what was begun.
@@ -74,6 +80,7 @@ mod tests {
             splitter.take(*byte).map(|saying| match saying {
                 Saying::Line(line) => String::from_utf8_lossy(line).into_owned(),
                 Saying::Refusal => "refused".to_owned(),
+                Saying::CutRefusal => "cut and refused".to_owned(),
                 Saying::TooLong => "too long".to_owned(),
             })
         });
@@ -83,6 +90,13 @@ mod tests {
     #[test]
     fn lines_and_refusals_are_told_apart() {
         assert_eq!(split(b"\rV1013\r\x07t1230\r\nt12"), ["", "V1013", "refused", "t1230"]);
+    }
+
+    #[test]
+    fn a_refusal_inside_a_line_cuts_it() {
+        assert_eq!(split(b"t12\x073\r"), ["cut and refused", "3"]);
+        // Of what is too long it was said.
+        assert_eq!(split(&[&[b'x'; 200][..], b"\x07"].concat()), ["too long", "refused"]);
     }
 
     #[test]
