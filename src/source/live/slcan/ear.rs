@@ -30,6 +30,11 @@ const READ_NS: u32 = 10_000_000;
 /// How much later than its stamp a line may be read, beyond what the one before was, in ns.
 const LATENCY_NS: i64 = 50_000_000;
 
+/// Jumps of an adapter's clock after which its stamps are given up, and how long after the one before
+/// one counts, in ns: what jumps each minute is worth less than the time of reading.
+const MOST_JUMPS: u32 = 5;
+const JUMPS_NS: i64 = 60_000_000_000;
+
 /// Lines that are told of one by one because they are no frames.
 const MOST_TOLD: u32 = 20;
 
@@ -47,6 +52,9 @@ pub struct Ear {
     is_stamp_missed: bool,
     has_frames: bool,
     repeats: Repeats,
+    /// Jumps of the adapter's clock one soon after the other, and when the last was.
+    jumps: u32,
+    last_jump: Moment,
 }
 
 impl Ear {
@@ -63,6 +71,8 @@ impl Ear {
             is_stamp_missed: false,
             has_frames: false,
             repeats: Repeats::default(),
+            jumps: 0,
+            last_jump: Moment::UNKNOWN,
         }
     }
 
@@ -103,10 +113,9 @@ impl Ear {
             out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
         }
         if heard? {
-            self.tell_jump(out);
             return Ok(());
         }
-        let until = match setting.has_stamps {
+        let until = match self.has_stamps(setting) {
             true => self.stamps.shown(before).plus(-LATENCY_NS),
             // What is read from now on has later times.
             false => before,
@@ -115,9 +124,25 @@ impl Ear {
         Ok(())
     }
 
-    /// Says where times begin anew.
+    /// Whether the adapter's stamps are the times of frames.
+    fn has_stamps(&self, setting: &Setting) -> bool {
+        setting.has_stamps && self.jumps < MOST_JUMPS
+    }
+
+    /// Says where times begin anew, and where that came too often.
     fn tell_jump(&mut self, out: &mut Outbox) {
         let Some(behind) = self.stamps.take_jump() else { return };
+        let now = self.host.now();
+        let is_soon = now.since(self.last_jump).is_some_and(|ns| ns < JUMPS_NS);
+        self.jumps = if is_soon { self.jumps + 1 } else { 1 };
+        self.last_jump = now;
+        if self.jumps >= MOST_JUMPS {
+            self.stamps.forget();
+            let what = "the adapter's stamps jump again and again: from here on frames have the \
+                        time when they were read, ±10 ms";
+            out.warning(SourceError::new(&self.source, Place::Whole, what));
+            return;
+        }
         let side = if behind > 0 { "behind" } else { "ahead of" };
         out.note(&format!(
             "{}: the adapter's clock was {} ms {side} this host's: times begin anew with the host's",
@@ -177,6 +202,7 @@ impl Ear {
                 }
                 self.has_frames = true;
                 out.frame(BUS, self.stamp(frame, ms, setting));
+                self.tell_jump(out);
             }
             Line::Reports(reports) => {
                 let at = self.now();
@@ -200,7 +226,7 @@ impl Ear {
     /// A frame with its time.
     fn stamp(&mut self, mut frame: Frame, ms: Option<u16>, setting: &Setting) -> Frame {
         let read = self.host.now();
-        (frame.start, frame.uncertainty) = match ms.filter(|_| setting.has_stamps) {
+        (frame.start, frame.uncertainty) = match ms.filter(|_| self.has_stamps(setting)) {
             Some(ms) => (self.stamps.at(ms, read), STAMP_NS),
             None => (self.stamps.shown(read), READ_NS),
         };
@@ -415,6 +441,18 @@ mod tests {
         let ends = " ms ahead of this host's: times begin anew with the host's";
         assert!(said[4].starts_with(begins) && said[4].ends_with(ends), "{said:?}");
         assert_eq!((said[2].as_str(), said.len()), ("123 +0", 6));
+    }
+
+    /// 20 s ahead and 20 s back, again and again.
+    #[test]
+    fn stamps_that_jump_are_given_up_with_a_warning() {
+        let said = hear(&b"t12300000\rt45604E20\r".repeat(50), true);
+        let count = |what: &str| said.iter().filter(|said| said.contains(what)).count();
+        assert_eq!(count("times begin anew"), MOST_JUMPS as usize - 1, "{said:?}");
+        assert_eq!(count("jump again and again"), 1, "{said:?}");
+        let frames = said.iter().filter(|said| said.contains(" +"));
+        let is_near = |said: &String| said.ends_with(" +0") || said.ends_with(" +1");
+        assert_eq!((frames.clone().count(), frames.clone().all(is_near)), (100, true), "{said:?}");
     }
 
     #[test]
