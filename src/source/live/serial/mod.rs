@@ -37,6 +37,7 @@ use hearing::Hearing;
 use port::Port;
 use seek::{RATES, Seek, Step};
 use std::io;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -51,6 +52,10 @@ const THROTTLED: usize = 4096 - 128;
 
 /// How often the counters are looked at while nothing comes.
 const COUNTING: Duration = Duration::from_secs(1);
+
+/// Rates that serial ports have, in Bd: from the slowest one that POSIX names (`termios.h`: B50) to
+/// the fastest one of a USB adapter (FT2232H: 12 MBd).
+const POSSIBLE: RangeInclusive<u32> = 50..=12_000_000;
 
 /// How often a port that is gone is looked for.
 const LOOKING: Duration = Duration::from_millis(200);
@@ -112,6 +117,12 @@ impl Serial {
             Some(baud) => (baud, None),
             None => (RATES[0], Some(Seek::new(Instant::now()))),
         };
+        if let Some(baud) = options.baud.filter(|baud| !POSSIBLE.contains(&baud.get())) {
+            let (least, most) = (POSSIBLE.start(), POSSIBLE.end());
+            return Err(fail(format!(
+                "no serial port has {baud} Bd: they have {least} to {most} Bd"
+            )));
+        }
         let path = PathBuf::from(path);
         let port = Port::open(&path, baud, format).map_err(fail)?;
         Ok(Serial {
