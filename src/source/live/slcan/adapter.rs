@@ -1,6 +1,7 @@
 //! An adapter, and how it is made to listen.
 
 use super::exchange::{Answer, Command, Exchange};
+use super::line;
 use super::split::{Saying, Splitter};
 use std::io::{self, Read, Write};
 use std::ops::{ControlFlow, Range};
@@ -94,6 +95,8 @@ pub struct Adapter<P: Read + Write> {
     exchange: Exchange,
     /// Until when a refusal is that of `L`.
     may_refuse_until: Option<Instant>,
+    /// What it said last cannot be read.
+    is_noise: bool,
 }
 
 impl<P: Read + Write> Adapter<P> {
@@ -101,7 +104,15 @@ impl<P: Read + Write> Adapter<P> {
     pub fn new(port: P) -> Self {
         let (splitter, buffer) = (Splitter::default(), vec![0; 4096].into());
         let exchange = Exchange::default();
-        Adapter { port, splitter, buffer, unread: 0..0, exchange, may_refuse_until: None }
+        Adapter {
+            port,
+            splitter,
+            buffer,
+            unread: 0..0,
+            exchange,
+            may_refuse_until: None,
+            is_noise: false,
+        }
     }
 
     /// Has it listen at a bit rate, and stamp frames if it can. It is back within [`LONGEST`].
@@ -112,7 +123,7 @@ impl<P: Read + Write> Adapter<P> {
     pub fn listen(&mut self, rate: Rate, may_be_active: bool) -> Result<Setting, Problem> {
         let problem = |what: &str| Err(Problem::Adapter(what.to_owned()));
         self.splitter.forget();
-        self.may_refuse_until = None;
+        (self.may_refuse_until, self.is_noise) = (None, false);
         self.take_strays()?;
         self.exchange.begin();
         self.ask(Command::Close, ANSWER)?;
@@ -216,13 +227,26 @@ impl<P: Read + Write> Adapter<P> {
     /// # Errors
     /// The port is gone, or the adapter refuses after all to listen only.
     pub fn read(&mut self, mut take: impl FnMut(Saying<'_>)) -> Result<bool, Problem> {
-        let mut refuses = false;
+        if self.may_refuse_until.is_none_or(|until| Instant::now() >= until) {
+            return Ok(self.read_while(|saying| {
+                take(saying);
+                ControlFlow::Continue(())
+            })?);
+        }
+        let (mut refuses, mut is_noise) = (false, self.is_noise);
         let is_heard = self.read_while(|saying| {
-            refuses |= matches!(saying, Saying::Refusal | Saying::CutRefusal);
+            // Among noise there is a BEL, too.
+            refuses |= saying == Saying::Refusal && !is_noise;
+            is_noise = match saying {
+                Saying::Line(line) => line::parse(line).is_none(),
+                Saying::TooLong | Saying::CutRefusal => true,
+                Saying::Refusal => is_noise,
+            };
             take(saying);
             ControlFlow::Continue(())
         })?;
-        if refuses && self.may_refuse_until.is_some_and(|until| Instant::now() < until) {
+        self.is_noise = is_noise;
+        if refuses {
             return Err(Problem::Adapter(REFUSES.to_owned()));
         }
         Ok(is_heard)
@@ -432,21 +456,21 @@ mod tests {
         assert!(setting.expect_err("it says yes to all").contains("does not confirm L"));
     }
 
-    #[test]
-    fn a_refusal_that_comes_after_the_confirmation_is_believed() {
-        let answers: fn(&str) -> &'static str =
-            |command| if command == "L\r" { "\rt1230\r\x07" } else { "\r" };
+    /// What comes of an adapter that confirms `L` and then says what it hears.
+    fn read_all(answers: fn(&str) -> &'static str) -> Result<(), Problem> {
         let (told, heard) = (VecDeque::new(), Rc::default());
         let mut adapter = Adapter::new(Script { answers, told, heard });
-        adapter.listen(Rate::new(125_000).expect("adapters have it"), true).expect("it listens");
-        let refusal = loop {
-            match adapter.read(|_| {}) {
-                Ok(true) => {}
-                Ok(false) => panic!("there is more to read"),
-                Err(problem) => break problem,
-            }
-        };
-        assert!(matches!(refusal, Problem::Adapter(what) if what.contains("refuses L")));
+        adapter.listen(Rate::new(125_000).expect("adapters have it"), true)?;
+        while adapter.read(|_| {})? {}
+        Ok(())
+    }
+
+    #[test]
+    fn a_refusal_that_comes_after_the_confirmation_is_believed_but_no_noise() {
+        let late = read_all(|command| if command == "L\r" { "\rt1230\r\x07" } else { "\r" });
+        assert!(matches!(late, Err(Problem::Adapter(what)) if what.contains("refuses L")));
+        let noise = read_all(|command| if command == "L\r" { "\rx\x07\x07y\r\x07" } else { "\r" });
+        assert!(noise.is_ok(), "{noise:?}");
     }
 
     #[test]
