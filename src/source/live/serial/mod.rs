@@ -38,7 +38,7 @@ use port::Port;
 use seek::{RATES, Seek, Step};
 use std::io;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -79,6 +79,25 @@ struct Terms {
 /// It cannot be listened to.
 pub fn open(path: &str, options: &SourceOptions) -> Result<Box<dyn Tap>, SourceError> {
     Ok(Box::new(Serial::open(path, options)?))
+}
+
+/// What is said of a path that [`makes_terminals`].
+pub const NO_PORT: &str = "this is no serial port: each who opens it is given a new terminal, with \
+                           nobody at the other side";
+
+/// Whether a path is the device that makes pseudo terminals, by its number (Linux,
+/// `devices.txt`: 5, 2). It takes all settings, as a port does.
+#[cfg(target_os = "linux")]
+pub fn makes_terminals(path: &Path) -> bool {
+    use std::os::unix::fs::{FileTypeExt, MetadataExt};
+    std::fs::metadata(path)
+        .is_ok_and(|of| of.file_type().is_char_device() && of.rdev() == rustix::fs::makedev(5, 2))
+}
+
+/// Whether a path is the device that makes pseudo terminals.
+#[cfg(not(target_os = "linux"))]
+pub fn makes_terminals(path: &Path) -> bool {
+    path == Path::new("/dev/ptmx")
 }
 
 /// A serial port that is listened to.
@@ -124,6 +143,9 @@ impl Serial {
             )));
         }
         let path = PathBuf::from(path);
+        if makes_terminals(&path) {
+            return Err(fail(NO_PORT.to_owned()));
+        }
         let port = Port::open(&path, baud, format).map_err(fail)?;
         Ok(Serial {
             bus,

@@ -2,7 +2,7 @@
 
 use super::super::super::outbox::{Outbox, Reader};
 use super::super::super::{Place, SourceError, SourceOptions};
-use super::super::{LiveOptions, PATIENCE, Tap};
+use super::super::{LiveOptions, PATIENCE, Tap, serial};
 use super::adapter::{Adapter, Problem, Rate, Setting};
 use super::ear::Ear;
 use super::search::{self, Search, Step};
@@ -61,6 +61,9 @@ impl SlcanTap {
         let options = options.live.clone();
         let whole = |what: String| SourceError::new(&source, Place::Whole, what);
         let given = options.bitrate.map(Rate::new).transpose().map_err(whole)?;
+        if serial::makes_terminals(path.as_ref()) {
+            return Err(whole(serial::NO_PORT.to_owned()));
+        }
         let search = Search::begin(Instant::now());
         let mut port =
             Adapter::new(open_port(path).map_err(|error| refusal(&source, path, &error))?);
