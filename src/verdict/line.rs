@@ -62,7 +62,11 @@ pub fn is_can(bus: &Bus) -> bool {
 }
 
 fn line_of_can(counts: LineCounts, wire: Wire, load: Option<Load>) -> String {
-    let LineCounts { frames, error_frames, losses, .. } = counts;
+    let LineCounts { frames, error_frames, losses, deaf, .. } = counts;
+    if frames == 0 && losses > deaf {
+        let plural = if losses == 1 { "" } else { "es" };
+        return format!("bad: no frames that can be read, {losses} loss{plural}");
+    }
     if frames == 0 {
         return "silent: no frames".to_owned();
     }

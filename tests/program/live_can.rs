@@ -276,6 +276,44 @@ fn an_adapter_that_vanishes_while_the_rate_is_looked_for_is_waited_for() {
 }
 
 #[test]
+fn the_device_that_makes_terminals_is_no_port() {
+    for source in ["slcan:/dev/ptmx", "serial:/dev/ptmx"] {
+        let run = fieldtap(["read", source]);
+        assert_eq!((run.status, run.stdout.as_str()), (3, ""));
+        assert!(run.stderr.contains(": this is no serial port: "), "{}", run.stderr);
+    }
+}
+
+/// It answers each command late, and the last with a refusal.
+#[test]
+fn a_refusal_after_late_answers_is_a_refusal() {
+    let adapter = Adapter::play(|command| {
+        thread::sleep(Duration::from_millis(550));
+        match command {
+            "L" => b"\x07".to_vec(),
+            _ => b"\r".to_vec(),
+        }
+    });
+    let (trace, told, status) = end(start(&adapter, &["--bitrate", "125k"]));
+    assert_eq!((trace.as_str(), status), ("", Some(3)), "{told}");
+    assert!(told.contains("the adapter refuses L, to listen only"), "{told}");
+    assert!(!told.contains("listen-only, "), "{told}");
+}
+
+/// Bytes that are no slcan: the first bus it could be is not called silent.
+#[test]
+fn an_adapter_that_cannot_be_read_is_not_called_silent() {
+    let adapter = good("S4", b"garbage\r\x07more\r");
+    let child = start(&adapter, &["--bitrate", "125k"]);
+    adapter.wait_for("L ");
+    thread::sleep(Duration::from_millis(1300));
+    interrupt(&child);
+    let (_, told, _) = end(child);
+    assert!(told.contains("bad: no frames that can be read, 1 loss"), "{told}");
+    assert!(told.contains("2 lines could not be read"), "{told}");
+}
+
+#[test]
 fn a_port_and_an_interface_that_are_not_there_are_told() {
     let run = fieldtap(["read", "slcan:/dev/nothere"]);
     assert_eq!(run.status, 3);

@@ -37,7 +37,8 @@ use hearing::Hearing;
 use port::Port;
 use seek::{RATES, Seek, Step};
 use std::io;
-use std::path::PathBuf;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -51,6 +52,10 @@ const THROTTLED: usize = 4096 - 128;
 
 /// How often the counters are looked at while nothing comes.
 const COUNTING: Duration = Duration::from_secs(1);
+
+/// Rates that serial ports have, in Bd: from the slowest one that POSIX names (`termios.h`: B50) to
+/// the fastest one of a USB adapter (FT2232H: 12 MBd).
+const POSSIBLE: RangeInclusive<u32> = 50..=12_000_000;
 
 /// How often a port that is gone is looked for.
 const LOOKING: Duration = Duration::from_millis(200);
@@ -74,6 +79,25 @@ struct Terms {
 /// It cannot be listened to.
 pub fn open(path: &str, options: &SourceOptions) -> Result<Box<dyn Tap>, SourceError> {
     Ok(Box::new(Serial::open(path, options)?))
+}
+
+/// What is said of a path that [`makes_terminals`].
+pub const NO_PORT: &str = "this is no serial port: each who opens it is given a new terminal, with \
+                           nobody at the other side";
+
+/// Whether a path is the device that makes pseudo terminals, by its number (Linux,
+/// `devices.txt`: 5, 2). It takes all settings, as a port does.
+#[cfg(target_os = "linux")]
+pub fn makes_terminals(path: &Path) -> bool {
+    use std::os::unix::fs::{FileTypeExt, MetadataExt};
+    std::fs::metadata(path)
+        .is_ok_and(|of| of.file_type().is_char_device() && of.rdev() == rustix::fs::makedev(5, 2))
+}
+
+/// Whether a path is the device that makes pseudo terminals.
+#[cfg(not(target_os = "linux"))]
+pub fn makes_terminals(path: &Path) -> bool {
+    path == Path::new("/dev/ptmx")
 }
 
 /// A serial port that is listened to.
@@ -112,7 +136,16 @@ impl Serial {
             Some(baud) => (baud, None),
             None => (RATES[0], Some(Seek::new(Instant::now()))),
         };
+        if let Some(baud) = options.baud.filter(|baud| !POSSIBLE.contains(&baud.get())) {
+            let (least, most) = (POSSIBLE.start(), POSSIBLE.end());
+            return Err(fail(format!(
+                "no serial port has {baud} Bd: they have {least} to {most} Bd"
+            )));
+        }
         let path = PathBuf::from(path);
+        if makes_terminals(&path) {
+            return Err(fail(NO_PORT.to_owned()));
+        }
         let port = Port::open(&path, baud, format).map_err(fail)?;
         Ok(Serial {
             bus,

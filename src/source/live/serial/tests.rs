@@ -55,6 +55,19 @@ fn options(baud: Option<u32>) -> SourceOptions {
     SourceOptions { baud: baud.and_then(Baud::new), ..SourceOptions::default() }
 }
 
+#[test]
+fn a_rate_that_no_port_has_is_refused() {
+    let line = Line::new();
+    for baud in [1, 49, 12_000_001, u32::MAX] {
+        let refused = Serial::open(&line.port, &options(Some(baud))).err().unwrap();
+        let told = format!("no serial port has {baud} Bd: they have 50 to 12000000 Bd");
+        assert_eq!(refused.what, told);
+    }
+    for baud in [50, 345_594, 12_000_000] {
+        assert!(Serial::open(&line.port, &options(Some(baud))).is_ok(), "{baud}");
+    }
+}
+
 /// Everything a tap says until it has heard so many characters, without the silence between.
 fn hear(tap: &mut Serial, count: usize) -> Vec<String> {
     let (mut said, mut heard) = (Vec::new(), 0);

@@ -1,23 +1,33 @@
-//! An adapter and what it is told. All that is ever written to it stands in [`Command`].
+//! An adapter, and how it is made to listen.
 
+use super::exchange::{Answer, Command, Exchange};
+use super::line;
 use super::split::{Saying, Splitter};
 use std::io::{self, Read, Write};
 use std::ops::{ControlFlow, Range};
 use std::time::{Duration, Instant};
 
 /// How long [`Adapter::listen`] takes at most, whatever the adapter does.
-pub const LONGEST: Duration = Duration::from_secs(4);
+pub const LONGEST: Duration = Duration::from_secs(6);
 
-/// How long an answer is waited for. There are seven at most, and each takes longer by a last read and
-/// by what the port has no room for the command.
-const ANSWER: Duration = Duration::from_millis(LONGEST.as_secs() * 1000 / 8);
+/// How long an answer is waited for. There are six, and two longer waits: what is left is for a last
+/// read of each and for a port that has no room for a command.
+const ANSWER: Duration = Duration::from_millis(LONGEST.as_secs() * 1000 / 12);
+
+/// How long that to `L` is, and before it those that are late. A refusal that comes within this time
+/// after `L` is believed, whatever came before.
+const PATIENCE: Duration = Duration::from_millis(LONGEST.as_secs() * 1000 / 6);
+
+/// How long is read what nobody asked for, before each command.
+const STRAYS: Duration = Duration::from_millis(50);
+
+/// Why one that does not know `L` is not listened to.
+const REFUSES: &str = "the adapter refuses L, to listen only: it could only acknowledge what it \
+                       hears, and so take part in the traffic. Take another one, or newer firmware";
 
 /// Bit rates in bit/s, in the order of the numbers that `S` takes (Lawicel manual).
 const RATES: [u32; 9] =
     [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
-
-/// Most bytes of an adapter's name that are kept.
-const LONGEST_NAME: usize = 16;
 
 /// A bit rate that adapters have.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -40,51 +50,11 @@ impl Rate {
     pub fn get(self) -> u32 {
         RATES[usize::from(self.0)]
     }
-}
 
-/// What an adapter is told.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Command {
-    /// Leave the bus.
-    Close,
-    Version,
-    SerialNumber,
-    Rate(Rate),
-    /// Stamp frames.
-    Stamps,
-    /// Hear, and acknowledge nothing.
-    ListenOnly,
-}
-
-impl Command {
-    fn bytes(self) -> [u8; 3] {
-        match self {
-            Command::Close => *b"C\r\0",
-            Command::Version => *b"V\r\0",
-            Command::SerialNumber => *b"N\r\0",
-            Command::Rate(rate) => [b'S', b'0' + rate.0, b'\r'],
-            Command::Stamps => *b"Z1\r",
-            Command::ListenOnly => *b"L\r\0",
-        }
+    /// Its number in `S`.
+    pub fn number(self) -> u8 {
+        self.0
     }
-
-    /// Whether a line answers it. A frame may still come in between.
-    fn is_answered_by(self, line: &[u8]) -> bool {
-        match self {
-            Command::Version => matches!(line, [b'V', ..]),
-            Command::SerialNumber => matches!(line, [b'N', ..]),
-            _ => line.is_empty(),
-        }
-    }
-}
-
-/// How a command was answered.
-#[derive(Clone, PartialEq, Eq, Debug)]
-enum Answer {
-    Done(String),
-    Refused,
-    /// Not at all.
-    None,
 }
 
 /// What is known of an adapter that listens.
@@ -122,13 +92,27 @@ pub struct Adapter<P: Read + Write> {
     buffer: Box<[u8]>,
     /// What of the buffer was read and not yet looked at.
     unread: Range<usize>,
+    exchange: Exchange,
+    /// Until when a refusal is that of `L`.
+    may_refuse_until: Option<Instant>,
+    /// What it said last cannot be read.
+    is_noise: bool,
 }
 
 impl<P: Read + Write> Adapter<P> {
     /// On this port. Nothing is written yet.
     pub fn new(port: P) -> Self {
         let (splitter, buffer) = (Splitter::default(), vec![0; 4096].into());
-        Adapter { port, splitter, buffer, unread: 0..0 }
+        let exchange = Exchange::default();
+        Adapter {
+            port,
+            splitter,
+            buffer,
+            unread: 0..0,
+            exchange,
+            may_refuse_until: None,
+            is_noise: false,
+        }
     }
 
     /// Has it listen at a bit rate, and stamp frames if it can. It is back within [`LONGEST`].
@@ -137,84 +121,140 @@ impl<P: Read + Write> Adapter<P> {
     /// The port failed, or the adapter does not listen: whatever it does not confirm counts as
     /// refused, unless it may be active.
     pub fn listen(&mut self, rate: Rate, may_be_active: bool) -> Result<Setting, Problem> {
-        let problem = |what: String| Err(Problem::Adapter(what));
+        let problem = |what: &str| Err(Problem::Adapter(what.to_owned()));
         self.splitter.forget();
-        if !matches!(self.ask(Command::Close)?, Answer::Done(_)) {
+        (self.may_refuse_until, self.is_noise) = (None, false);
+        self.take_strays()?;
+        self.exchange.begin();
+        self.ask(Command::Close, ANSWER)?;
+        if !matches!(self.exchange.last(), Answer::Done(_)) {
             // It was closed already, or took this for the end of what another program began.
-            self.ask(Command::Close)?;
+            self.ask(Command::Close, ANSWER)?;
         }
-        let mut name = String::new();
-        for command in [Command::Version, Command::SerialNumber] {
-            if let Answer::Done(told) = self.ask(command)? {
-                name.push_str(if name.is_empty() { "" } else { " " });
-                name.push_str(&told);
-            }
+        for command in [Command::Version, Command::SerialNumber, Command::Rate(rate)] {
+            self.ask(command, ANSWER)?;
         }
-        let is_set = self.ask(Command::Rate(rate))?;
-        if is_set == Answer::Refused {
-            return problem(format!("the adapter refuses {} bit/s", rate.get()));
+        self.ask(Command::Stamps, ANSWER)?;
+        self.hear_until(PATIENCE, |exchange| !exchange.is_waiting())?;
+        if *self.exchange.answer(Command::Rate(rate)) == Answer::Refused {
+            return problem(&format!("the adapter refuses {} bit/s", rate.get()));
         }
-        let has_stamps = matches!(self.ask(Command::Stamps)?, Answer::Done(_));
-        let listens = self.ask(Command::ListenOnly)?;
-        match listens {
-            Answer::Done(_) => {}
-            Answer::Refused => {
-                return problem(
-                    "the adapter refuses L, to listen only: it could only acknowledge what it \
-                     hears, and so take part in the traffic. Take another one, or newer firmware"
-                        .to_owned(),
-                );
-            }
-            Answer::None if may_be_active => {}
-            Answer::None => {
-                let is_mute = name.is_empty() && is_set == Answer::None;
-                return problem(if is_mute {
-                    "nothing answers: is it an adapter that speaks slcan, and the right port? For \
-                     one that never answers, add --allow-active"
-                        .to_owned()
-                } else {
-                    "the adapter does not confirm L, to listen only: it may acknowledge what it \
-                     hears, and so take part in the traffic. If it may, add --allow-active"
-                        .to_owned()
-                });
-            }
+        let is_mute = self.exchange.is_mute();
+        self.ask(Command::ListenOnly, PATIENCE)?;
+        if self.exchange.has_refused() {
+            return problem(REFUSES);
         }
-        let is_confirmed = listens != Answer::None;
-        Ok(Setting { name, rate, has_stamps, is_confirmed })
+        let listens = self.exchange.last();
+        let is_confirmed = matches!(listens, Answer::Done(_)) && !self.exchange.is_confused();
+        if !is_confirmed && !may_be_active {
+            return problem(if is_mute && self.exchange.is_mute() {
+                "nothing answers: is it an adapter that speaks slcan, and the right port? For one \
+                 that never answers, add --allow-active"
+            } else {
+                "the adapter does not confirm L, to listen only: it may acknowledge what it hears, \
+                 and so take part in the traffic. If it may, add --allow-active"
+            });
+        }
+        let has_stamps = matches!(self.exchange.answer(Command::Stamps), Answer::Done(_));
+        Ok(Setting { name: self.name(), rate, has_stamps, is_confirmed })
     }
 
-    /// Writes a command and waits for its answer.
-    fn ask(&mut self, command: Command) -> io::Result<Answer> {
-        let bytes = command.bytes();
-        let length = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    /// What it told of itself.
+    fn name(&self) -> String {
+        let told = [Command::Version, Command::SerialNumber].map(|command| {
+            match self.exchange.answer(command) {
+                Answer::Done(name) => name.as_str(),
+                _ => "",
+            }
+        });
+        told.join(" ").trim().to_owned()
+    }
+
+    /// Writes a command and waits for its answer, for this long.
+    fn ask(&mut self, command: Command, patience: Duration) -> io::Result<()> {
+        self.take_strays()?;
+        self.exchange.ask(command);
         // No flush: it would wait without end for an adapter that takes nothing (`tcdrain(3)`).
-        self.port.write_all(&bytes[..length])?;
-        let (begin, mut answer) = (Instant::now(), Answer::None);
-        while answer == Answer::None && begin.elapsed() < ANSWER {
-            self.read_while(|saying| {
-                answer = match saying {
-                    Saying::Refusal => Answer::Refused,
-                    Saying::Line(line) if command.is_answered_by(line) => {
-                        let line = &line[..line.len().min(LONGEST_NAME)];
-                        Answer::Done(String::from_utf8_lossy(line).into_owned())
-                    }
-                    Saying::Line(_) | Saying::TooLong => return ControlFlow::Continue(()),
-                };
-                ControlFlow::Break(())
-            })?;
+        self.port.write_all(command.text().as_bytes())?;
+        let listens = command == Command::ListenOnly;
+        if listens {
+            self.may_refuse_until = Some(Instant::now() + PATIENCE);
         }
-        Ok(answer)
+        self.hear_until(patience, |exchange| {
+            *exchange.last() != Answer::None || listens && exchange.has_refused()
+        })
+    }
+
+    /// Reads what is there. What nobody asked for is counted.
+    fn take_strays(&mut self) -> io::Result<()> {
+        let begin = Instant::now();
+        let mut exchange = std::mem::take(&mut self.exchange);
+        let mut heard = Ok(true);
+        while matches!(heard, Ok(true)) && begin.elapsed() < STRAYS {
+            heard = self.read_while(|saying| {
+                exchange.hear(saying);
+                ControlFlow::Continue(())
+            });
+        }
+        self.exchange = exchange;
+        heard.map(|_| ())
+    }
+
+    /// Hears the answers, for this long or until it is enough.
+    fn hear_until(
+        &mut self,
+        patience: Duration,
+        mut is_enough: impl FnMut(&Exchange) -> bool,
+    ) -> io::Result<()> {
+        let begin = Instant::now();
+        let mut exchange = std::mem::take(&mut self.exchange);
+        let mut heard = Ok(true);
+        while heard.is_ok() && !is_enough(&exchange) && begin.elapsed() < patience {
+            heard = self.read_while(|saying| {
+                exchange.hear(saying);
+                match is_enough(&exchange) {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            });
+        }
+        self.exchange = exchange;
+        heard.map(|_| ())
     }
 
     /// Reads once, and hands over what the adapter said. False where it said nothing.
     ///
     /// # Errors
-    /// The port is gone.
-    pub fn read(&mut self, mut take: impl FnMut(Saying<'_>)) -> io::Result<bool> {
-        self.read_while(|saying| {
+    /// The port is gone, or the adapter refuses after all to listen only.
+    pub fn read(&mut self, mut take: impl FnMut(Saying<'_>)) -> Result<bool, Problem> {
+        if self.may_refuse_until.is_none_or(|until| Instant::now() >= until) {
+            return Ok(self.read_while(|saying| {
+                take(saying);
+                ControlFlow::Continue(())
+            })?);
+        }
+        let (mut refuses, mut is_noise) = (false, self.is_noise);
+        let is_heard = self.read_while(|saying| {
+            // Among noise there is a BEL, too.
+            refuses |= saying == Saying::Refusal && !is_noise;
+            is_noise = match saying {
+                Saying::Line(line) => line::parse(line).is_none(),
+                Saying::TooLong | Saying::CutRefusal => true,
+                Saying::Refusal => is_noise,
+            };
             take(saying);
             ControlFlow::Continue(())
-        })
+        })?;
+        self.is_noise = is_noise;
+        if refuses {
+            return Err(Problem::Adapter(REFUSES.to_owned()));
+        }
+        Ok(is_heard)
+    }
+
+    /// Whether it began a line and did not end it.
+    pub fn has_begun(&self) -> bool {
+        self.splitter.has_begun()
     }
 
     /// The same, for as long as more is wanted. The rest is for who reads next.
@@ -222,7 +262,7 @@ impl<P: Read + Write> Adapter<P> {
         &mut self,
         mut take: impl FnMut(Saying<'_>) -> ControlFlow<()>,
     ) -> io::Result<bool> {
-        let Adapter { port, splitter, buffer, unread } = self;
+        let Adapter { port, splitter, buffer, unread, .. } = self;
         if Range::is_empty(unread) {
             *unread = match port.read(buffer) {
                 Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
@@ -364,6 +404,73 @@ mod tests {
         assert!(setting.expect_err("it may take part").contains("does not confirm L"));
         let (setting, _) = listen(but_listen, true);
         assert!(!setting.expect("the user knows").is_confirmed);
+    }
+
+    /// Answers this late, however long it has more to do; the last is said to `L`.
+    struct Late {
+        by: Duration,
+        due: VecDeque<(Instant, u8)>,
+        to_listen_only: &'static [u8],
+    }
+
+    impl Read for Late {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            std::thread::sleep(Duration::from_millis(1));
+            let due = self.due.pop_front_if(|(at, _)| Instant::now() >= *at);
+            let (_, byte) = due.ok_or(io::ErrorKind::TimedOut)?;
+            buffer[0] = byte;
+            Ok(1)
+        }
+    }
+
+    impl Write for Late {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let free = self.due.back().map_or(Instant::now(), |(at, _)| *at).max(Instant::now());
+            let told = if bytes == b"L\r" { self.to_listen_only } else { b"\r" };
+            self.due.extend(told.iter().map(|byte| (free + self.by, *byte)));
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn listen_late(to_listen_only: &'static [u8]) -> Result<Setting, Problem> {
+        let by = Duration::from_millis(550);
+        let mut adapter = Adapter::new(Late { by, due: VecDeque::new(), to_listen_only });
+        adapter.listen(Rate::new(125_000).expect("adapters have it"), false)
+    }
+
+    #[test]
+    fn a_late_answer_to_another_command_does_not_confirm() {
+        match listen_late(b"\x07") {
+            Err(Problem::Adapter(what)) => assert!(what.contains("refuses L"), "{what}"),
+            other => panic!("it refused: {other:?}"),
+        }
+        assert!(listen_late(b"\r").expect("it is but slow").is_confirmed);
+    }
+
+    #[test]
+    fn one_that_answers_more_than_it_is_asked_confirms_nothing() {
+        let (setting, _) = listen(|_| "\r\r\r", false);
+        assert!(setting.expect_err("it says yes to all").contains("does not confirm L"));
+    }
+
+    /// What comes of an adapter that confirms `L` and then says what it hears.
+    fn read_all(answers: fn(&str) -> &'static str) -> Result<(), Problem> {
+        let (told, heard) = (VecDeque::new(), Rc::default());
+        let mut adapter = Adapter::new(Script { answers, told, heard });
+        adapter.listen(Rate::new(125_000).expect("adapters have it"), true)?;
+        while adapter.read(|_| {})? {}
+        Ok(())
+    }
+
+    #[test]
+    fn a_refusal_that_comes_after_the_confirmation_is_believed_but_no_noise() {
+        let late = read_all(|command| if command == "L\r" { "\rt1230\r\x07" } else { "\r" });
+        assert!(matches!(late, Err(Problem::Adapter(what)) if what.contains("refuses L")));
+        let noise = read_all(|command| if command == "L\r" { "\rx\x07\x07y\r\x07" } else { "\r" });
+        assert!(noise.is_ok(), "{noise:?}");
     }
 
     #[test]

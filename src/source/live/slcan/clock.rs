@@ -94,7 +94,11 @@ impl AdapterClock {
                 // The nearest whole number of minutes.
                 let minutes = (passed - step + minute / 2).div_euclid(minute);
                 let at = self.correct(last.at, last.at.plus((step + minutes * minute) * MS));
-                self.compare(at, read)
+                // Lines come in order: no clock that goes on shows less than before.
+                match last.at.since(at).is_some_and(|back| back > FAR_NS) {
+                    true => self.begin_anew(at, read),
+                    false => self.compare(at, read),
+                }
             }
         };
         self.last = Some(Stamp { ms, at, read });
@@ -117,14 +121,20 @@ impl AdapterClock {
         let Window { until, least } = *window;
         let is_over = read.is_after(until);
         if least < -FAR_NS || (is_over && least > FAR_NS) {
-            *self = AdapterClock { jump: Some(late), ..AdapterClock::default() };
-            return read;
+            return self.begin_anew(at, read);
         }
         if is_over {
             self.window = None;
             self.owed += least.clamp(-STEP_NS, STEP_NS);
         }
         at
+    }
+
+    /// It is no clock that goes on: the time is that of reading.
+    fn begin_anew(&mut self, at: Moment, read: Moment) -> Moment {
+        let late = read.since(at).unwrap_or(0).saturating_sub(self.owed);
+        *self = AdapterClock { jump: Some(late), ..AdapterClock::default() };
+        read
     }
 
     /// How far in ns the adapter's clock was behind the host's when its times last began anew, if
@@ -173,6 +183,25 @@ mod tests {
     #[test]
     fn a_stamp_that_is_out_of_order_by_a_little_goes_back_by_a_little() {
         assert_eq!(times(&[(0, 500), (59_999, 500), (1, 502)]), [500, 499, 501]);
+    }
+
+    #[test]
+    fn stamps_that_jump_never_give_times_far_from_those_of_reading() {
+        let (mut clock, mut ms, mut last) = (AdapterClock::default(), 1_u32, 0);
+        for read in (0..600_000).step_by(10) {
+            // Any numbers will do (Numerical Recipes, 7.1).
+            ms = ms.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let stamp = (ms >> 16) % u32::from(STAMPS);
+            let at = clock.at(stamp as u16, Moment::from_ns(read * MS)).ns().expect("known") / MS;
+            // A step of 100 ms is no jump, and two may follow each other.
+            assert!((at - read).abs() <= 200 && last - at <= 200, "{read}: {last}, {at}");
+            last = at;
+        }
+        // Back by 20 s: at once those of the host again.
+        assert_eq!(
+            times(&[(30_000, 1_000), (10_000, 1_010), (10_010, 1_020)])[1..],
+            [1_010, 1_020]
+        );
     }
 
     #[test]

@@ -3,9 +3,10 @@
 use super::super::super::outbox::Outbox;
 use super::super::super::rows::shown;
 use super::super::super::{Place, SourceError};
-use super::adapter::{Adapter, Setting};
+use super::adapter::{Adapter, Problem, Setting};
 use super::clock::{AdapterClock, HostClock};
 use super::line::{self, Line};
+use super::repeats::Repeats;
 use super::search::Search;
 use super::split::Saying;
 use dissectors::bus::WireFacts;
@@ -14,7 +15,7 @@ use dissectors::event::{Clock, Loss, LossCause, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use dissectors::uart::Baud;
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
 
 /// There is but one bus.
 const BUS: usize = 0;
@@ -28,6 +29,11 @@ const READ_NS: u32 = 10_000_000;
 
 /// How much later than its stamp a line may be read, beyond what the one before was, in ns.
 const LATENCY_NS: i64 = 50_000_000;
+
+/// Jumps of an adapter's clock after which its stamps are given up, and how long after the one before
+/// one counts, in ns: what jumps each minute is worth less than the time of reading.
+const MOST_JUMPS: u32 = 5;
+const JUMPS_NS: i64 = 60_000_000_000;
 
 /// Lines that are told of one by one because they are no frames.
 const MOST_TOLD: u32 = 20;
@@ -44,6 +50,11 @@ pub struct Ear {
     /// The last line was none: what was lost with it was told.
     is_garbled: bool,
     is_stamp_missed: bool,
+    has_frames: bool,
+    repeats: Repeats,
+    /// Jumps of the adapter's clock one soon after the other, and when the last was.
+    jumps: u32,
+    last_jump: Moment,
 }
 
 impl Ear {
@@ -58,6 +69,10 @@ impl Ear {
             garbled: 0,
             is_garbled: false,
             is_stamp_missed: false,
+            has_frames: false,
+            repeats: Repeats::default(),
+            jumps: 0,
+            last_jump: Moment::UNKNOWN,
         }
     }
 
@@ -82,20 +97,25 @@ impl Ear {
     /// Reads once, and says what was heard, or that nothing was.
     ///
     /// # Errors
-    /// The port is gone.
+    /// The port is gone, or the adapter refuses after all to listen only.
     pub fn listen<P: Read + Write>(
         &mut self,
         port: &mut Adapter<P>,
         setting: &Setting,
         out: &mut Outbox,
-    ) -> io::Result<()> {
+    ) -> Result<(), Problem> {
         // Taken first: this thread may be kept from going on for any time once it has read.
         let before = self.host.now();
-        if port.read(|saying| self.hear(saying, setting, out))? {
-            self.tell_jump(out);
+        let heard = port.read(|saying| self.hear(saying, setting, out));
+        if heard.is_err() && port.has_begun() {
+            // With the rest of this line a frame is gone.
+            let start = self.now();
+            out.lost(BUS, Loss { start, count: None, cause: LossCause::Capture });
+        }
+        if heard? {
             return Ok(());
         }
-        let until = match setting.has_stamps {
+        let until = match self.has_stamps(setting) {
             true => self.stamps.shown(before).plus(-LATENCY_NS),
             // What is read from now on has later times.
             false => before,
@@ -104,9 +124,25 @@ impl Ear {
         Ok(())
     }
 
-    /// Says where times begin anew.
+    /// Whether the adapter's stamps are the times of frames.
+    fn has_stamps(&self, setting: &Setting) -> bool {
+        setting.has_stamps && self.jumps < MOST_JUMPS
+    }
+
+    /// Says where times begin anew, and where that came too often.
     fn tell_jump(&mut self, out: &mut Outbox) {
         let Some(behind) = self.stamps.take_jump() else { return };
+        let now = self.host.now();
+        let is_soon = now.since(self.last_jump).is_some_and(|ns| ns < JUMPS_NS);
+        self.jumps = if is_soon { self.jumps + 1 } else { 1 };
+        self.last_jump = now;
+        if self.jumps >= MOST_JUMPS {
+            self.stamps.forget();
+            let what = "the adapter's stamps jump again and again: from here on frames have the \
+                        time when they were read, ±10 ms";
+            out.warning(SourceError::new(&self.source, Place::Whole, what));
+            return;
+        }
         let side = if behind > 0 { "behind" } else { "ahead of" };
         out.note(&format!(
             "{}: the adapter's clock was {} ms {side} this host's: times begin anew with the host's",
@@ -118,26 +154,27 @@ impl Ear {
     /// Reads once, and tells what was heard to who looks for the bit rate.
     ///
     /// # Errors
-    /// The port is gone.
+    /// The port is gone, or the adapter refuses after all to listen only.
     pub fn listen_for_rate<P: Read + Write>(
         &mut self,
         port: &mut Adapter<P>,
         setting: &Setting,
         search: &mut Search,
-    ) -> io::Result<()> {
+    ) -> Result<(), Problem> {
         port.read(|saying| match understand(saying) {
             Some(Line::Frame(frame, ms)) => search.hear(self.stamp(frame, ms, setting)),
             Some(Line::Reports(reports)) => {
                 reports.frames(self.host.now(), READ_NS).for_each(|frame| search.hear(frame));
             }
             Some(Line::Answer) => {}
-            None => search.err(),
+            None => search.misread(),
         })?;
         Ok(())
     }
 
     /// The capture ends.
-    pub fn end(&self, out: &mut Outbox) {
+    pub fn end(&mut self, out: &mut Outbox) {
+        self.tell_rest(out);
         if self.is_announced {
             out.end(BUS, self.now());
         }
@@ -153,7 +190,8 @@ impl Ear {
             self.tell_garbled(saying, out);
             return;
         };
-        self.is_garbled = false;
+        // Of noise, too, some bytes say no more than that something was done, or was not.
+        self.is_garbled &= matches!(line, Line::Answer);
         match line {
             Line::Frame(frame, ms) => {
                 if setting.has_stamps && ms.is_none() && !self.is_stamp_missed {
@@ -162,20 +200,33 @@ impl Ear {
                                 the time when they were read";
                     out.warning(SourceError::new(&self.source, Place::Whole, what));
                 }
+                self.has_frames = true;
                 out.frame(BUS, self.stamp(frame, ms, setting));
+                self.tell_jump(out);
             }
             Line::Reports(reports) => {
                 let at = self.now();
-                reports.frames(at, READ_NS).for_each(|frame| out.frame(BUS, frame));
+                if self.is_news(saying) {
+                    reports.frames(at, READ_NS).for_each(|frame| out.frame(BUS, frame));
+                }
             }
             Line::Answer => {}
+        }
+    }
+
+    /// Whether what the adapter reports is to be told. Each error on the bus (`e`) is; a state only
+    /// where it was not told just now.
+    fn is_news(&mut self, saying: Saying<'_>) -> bool {
+        match saying {
+            Saying::Line(line @ [b'F' | b's', ..]) => self.repeats.is_news(line, self.host.now()),
+            _ => true,
         }
     }
 
     /// A frame with its time.
     fn stamp(&mut self, mut frame: Frame, ms: Option<u16>, setting: &Setting) -> Frame {
         let read = self.host.now();
-        (frame.start, frame.uncertainty) = match ms.filter(|_| setting.has_stamps) {
+        (frame.start, frame.uncertainty) = match ms.filter(|_| self.has_stamps(setting)) {
             Some(ms) => (self.stamps.at(ms, read), STAMP_NS),
             None => (self.stamps.shown(read), READ_NS),
         };
@@ -197,7 +248,13 @@ impl Ear {
         }
         let line = match saying {
             Saying::Line(line) => shown(line),
-            Saying::TooLong => "a line without an end".to_owned(),
+            Saying::TooLong => {
+                let what = "a line without an end: it sends, but not slcan. Is it the right port, \
+                            at the right rate, with firmware that speaks slcan?";
+                out.warning(self.left_out(what, 1));
+                return;
+            }
+            Saying::CutRefusal => "a line that BEL cuts".to_owned(),
             Saying::Refusal => return,
         };
         let more = match self.garbled {
@@ -205,7 +262,31 @@ impl Ear {
             _ => "",
         };
         let what = format!("not a frame: {line}. Bytes are lost on the port{more}");
-        out.warning(SourceError::new(&self.source, Place::Whole, what));
+        out.warning(self.left_out(what, 1));
+    }
+
+    fn left_out(&self, what: impl Into<String>, lines: u64) -> SourceError {
+        SourceError::new(&self.source, Place::Whole, what).leaving_out(lines)
+    }
+
+    /// Says of how much nothing was said one by one.
+    pub fn tell_rest(&mut self, out: &mut Outbox) {
+        if let more @ 1.. = self.repeats.take_left_out() {
+            let what =
+                "lines about the adapter's own state are not told: they came again and again";
+            out.note(&format!("{}: {more} {what}", self.source));
+        }
+        let garbled = u64::from(std::mem::take(&mut self.garbled));
+        if let more @ 1.. = garbled.saturating_sub(MOST_TOLD.into()) {
+            let advice = match self.has_frames {
+                true => "bytes are lost on the port",
+                false => {
+                    "it sends, but not slcan: is it the right port, at the right rate, with \
+                     firmware that speaks slcan?"
+                }
+            };
+            out.warning(self.left_out(format!("{more} more lines are no frames: {advice}"), more));
+        }
     }
 }
 
@@ -215,7 +296,7 @@ fn understand(saying: Saying<'_>) -> Option<Line> {
         Saying::Line(line) => line::parse(line),
         // Nothing was asked.
         Saying::Refusal => Some(Line::Answer),
-        Saying::TooLong => None,
+        Saying::TooLong | Saying::CutRefusal => None,
     }
 }
 
@@ -239,6 +320,7 @@ mod tests {
     use super::super::adapter::Rate;
     use super::*;
     use dissectors::event::Event;
+    use std::io;
     use std::time::Duration;
 
     /// What is said of these bytes of an adapter, a word a piece.
@@ -267,6 +349,7 @@ mod tests {
         ear.announce(&setting, &mut out);
         ear.listen(&mut port, &setting, &mut out).expect("the port is there");
         ear.listen(&mut port, &setting, &mut out).expect("the port is there");
+        ear.end(&mut out);
         let mut said = Vec::new();
         let mut first = None;
         while let Some(piece) = out.next() {
@@ -286,6 +369,7 @@ mod tests {
                 Piece::Heard(_, Event::Advance(_)) => said.push("silence".to_owned()),
                 Piece::Warning(warning) => said.push(warning.to_string()),
                 Piece::Note(note) => said.push(note.to_owned()),
+                Piece::End(..) => {}
                 _ => panic!("nothing else is said"),
             }
         }
@@ -359,6 +443,18 @@ mod tests {
         assert_eq!((said[2].as_str(), said.len()), ("123 +0", 6));
     }
 
+    /// 20 s ahead and 20 s back, again and again.
+    #[test]
+    fn stamps_that_jump_are_given_up_with_a_warning() {
+        let said = hear(&b"t12300000\rt45604E20\r".repeat(50), true);
+        let count = |what: &str| said.iter().filter(|said| said.contains(what)).count();
+        assert_eq!(count("times begin anew"), MOST_JUMPS as usize - 1, "{said:?}");
+        assert_eq!(count("jump again and again"), 1, "{said:?}");
+        let frames = said.iter().filter(|said| said.contains(" +"));
+        let is_near = |said: &String| said.ends_with(" +0") || said.ends_with(" +1");
+        assert_eq!((frames.clone().count(), frames.clone().all(is_near)), (100, true), "{said:?}");
+    }
+
     #[test]
     fn without_stamps_the_time_of_reading_is_taken() {
         let said = hear(b"t1230\rt4560\r", false);
@@ -384,10 +480,71 @@ mod tests {
     }
 
     #[test]
+    fn one_that_never_ends_a_line_is_told_once_and_something_is_lost() {
+        let said = hear(&[b'x'; 4000], false);
+        assert_eq!((said[2].as_str(), said.len()), ("lost None", 5));
+        assert!(said[3].contains("it sends, but not slcan"), "{said:?}");
+    }
+
+    /// FFFh is an overrun, error passive and a bus error: three error frames.
+    #[test]
+    fn a_flood_of_states_is_told_once_and_counted() {
+        let said = hear(&b"F00\rFFF\r".repeat(400), false);
+        let [errors @ .., silence, note] = &said[2..] else { panic!("{said:?}") };
+        assert_eq!((errors.len(), silence.as_str()), (3, "silence"), "{said:?}");
+        assert!(note.contains(": 798 lines about the adapter's own state"), "{said:?}");
+        let said = hear(&b"e1s\r".repeat(400), false);
+        assert_eq!(said.len(), 2 + 400 + 1, "each is an error on the bus");
+    }
+
+    #[test]
+    fn a_line_that_is_cut_is_a_loss() {
+        let said = hear(b"t1230\rt45\x07t4560\r", false);
+        assert_eq!(said[2..4], ["123 +0", "lost None"]);
+        assert!(said[4].contains("a line that BEL cuts"), "{said:?}");
+        assert_eq!(said[5..], ["456 +0", "silence"]);
+    }
+
+    #[test]
+    fn what_was_begun_when_the_adapter_is_unplugged_is_a_loss() {
+        struct Unplugged(&'static [u8]);
+        impl Read for Unplugged {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                self.0.read(buffer)
+            }
+        }
+        impl Write for Unplugged {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let rate = Rate::new(500_000).expect("adapters have it");
+        let setting = Setting { name: String::new(), rate, has_stamps: true, is_confirmed: true };
+        for (told, losses) in [(&b"t12381122"[..], 1), (b"t1230\r", 0)] {
+            let (mut ear, mut out) = (Ear::new("tty", "slcan:tty"), Outbox::default());
+            let mut port = Adapter::new(Unplugged(told));
+            ear.listen(&mut port, &setting, &mut out).expect("there is something");
+            ear.listen(&mut port, &setting, &mut out).expect_err("it is gone");
+            let mut lost = 0;
+            while let Some(piece) = out.next() {
+                lost += i32::from(matches!(piece, Ok(Piece::Heard(_, Event::Lost(_)))));
+            }
+            assert_eq!(lost, losses, "{told:?}");
+        }
+    }
+
+    #[test]
     fn garbage_without_end_is_not_told_without_end() {
-        let said = hear(&b"x\r".repeat(1000), false);
-        // The bus, how it is set, the loss, the lines, the silence.
-        assert_eq!(said.len(), 3 + MOST_TOLD as usize + 1);
+        // Noise has refusals among it, and empty lines.
+        let said = hear(&b"x\r\x07\r".repeat(1000), false);
+        // The bus, how it is set, the loss, the lines, the silence, what the end says.
+        assert_eq!(said.len(), 3 + MOST_TOLD as usize + 2);
         assert!(said[2 + MOST_TOLD as usize].ends_with("More such lines are not told"));
+        assert!(
+            said[4 + MOST_TOLD as usize].contains("980 more lines are no frames: it sends, but")
+        );
     }
 }

@@ -7,7 +7,9 @@
 mod adapter;
 mod clock;
 mod ear;
+mod exchange;
 mod line;
+mod repeats;
 mod search;
 mod split;
 mod tap;

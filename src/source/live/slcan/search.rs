@@ -31,6 +31,8 @@ pub struct Search {
     /// Frames that there was no room for.
     dropped: u64,
     errors: u64,
+    /// The adapter said something that is no slcan.
+    is_misread: bool,
     /// Frames and errors at the rates before.
     heard: Vec<(usize, u64)>,
 }
@@ -54,7 +56,15 @@ impl Search {
     /// Begins with the first rate.
     pub fn begin(now: Instant) -> Self {
         let (frames, heard) = (Vec::new(), Vec::new());
-        Search { rate: 0, until: now + WINDOW, frames, dropped: 0, errors: 0, heard }
+        Search {
+            rate: 0,
+            until: now + WINDOW,
+            frames,
+            dropped: 0,
+            errors: 0,
+            is_misread: false,
+            heard,
+        }
     }
 
     /// The rate that is listened to.
@@ -81,8 +91,14 @@ impl Search {
         }
     }
 
-    /// Something that is no frame was heard.
-    pub fn err(&mut self) {
+    /// The adapter said something that is no slcan.
+    pub fn misread(&mut self) {
+        self.is_misread = true;
+        self.err();
+    }
+
+    /// An error was heard.
+    fn err(&mut self) {
         self.errors = self.errors.saturating_add(1);
     }
 
@@ -132,6 +148,13 @@ impl Search {
     }
 
     fn failure(&self) -> String {
+        if self.is_misread {
+            return format!(
+                "no frame was heard: {}. The adapter sends, but not slcan: is it the right port, at \
+                 the right rate, with firmware that speaks slcan?",
+                self.account()
+            );
+        }
         format!(
             "no frame was heard: {}. Is the bus running, CAN_H and CAN_L not swapped? A bus \
              that is silent for a while, or has another rate, needs --bitrate",
@@ -203,7 +226,7 @@ mod tests {
         assert!(search.cut_short().is_ok_and(|frames| frames == [FRAME]));
         let mut search = Search::begin(Instant::now());
         search.hear(FRAME);
-        search.err();
+        search.hear(ERROR);
         let why = search.cut_short().unwrap_err();
         assert!(
             why.ends_with("before the end: frames (1) and errors (1) at 125000 bit/s"),
@@ -216,5 +239,16 @@ mod tests {
         let why = search([(0, 0), (0, 4), (0, 0)]);
         let told = "nothing at 125000, 4 errors at 250000, nothing at 500000 bit/s";
         assert!(why.contains(told), "{why}");
+    }
+
+    #[test]
+    fn an_adapter_that_cannot_be_read_is_no_silent_bus() {
+        let begin = Instant::now();
+        let mut search = Search::begin(begin);
+        search.misread();
+        let last = (1..=3).map(|window| search.step(begin + WINDOW * window)).last();
+        let Some(Step::Failed(why)) = last else { panic!("nothing was found") };
+        assert!(why.contains("1 errors at 125000") && why.contains("not slcan"), "{why}");
+        assert!(!why.contains("CAN_H"), "{why}");
     }
 }

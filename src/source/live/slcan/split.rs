@@ -16,7 +16,9 @@ pub enum Saying<'a> {
     Line(&'a [u8]),
     /// A command was not done.
     Refusal,
-    /// A line longer than any that there is.
+    /// The same, in the middle of a line, of which the rest is lost.
+    CutRefusal,
+    /// A line longer than any that there is: said as soon as it is, and of its end nothing more.
     TooLong,
 }
 
@@ -38,23 +40,28 @@ impl Splitter {
         match byte {
             DONE => {
                 let length = std::mem::take(&mut self.length);
-                Some(self.line.get(..length).map_or(Saying::TooLong, Saying::Line))
+                self.line.get(..length).map(Saying::Line)
             }
-            // Whatever was begun before it is no line.
-            BELL => {
-                self.length = 0;
-                Some(Saying::Refusal)
-            }
+            BELL => Some(match std::mem::take(&mut self.length) {
+                1..=LONGEST => Saying::CutRefusal,
+                _ => Saying::Refusal,
+            }),
             // Some end their lines as Windows does.
             b'\n' if self.length == 0 => None,
             _ => {
                 if let Some(free) = self.line.get_mut(self.length) {
                     *free = byte;
                 }
+                let is_first_too_much = self.length == LONGEST;
                 self.length = (self.length + 1).min(LONGEST + 1);
-                None
+                is_first_too_much.then_some(Saying::TooLong)
             }
         }
+    }
+
+    /// Whether a line was begun.
+    pub fn has_begun(&self) -> bool {
+        self.length > 0
     }
 
     /// Forgets what was begun.
@@ -73,6 +80,7 @@ mod tests {
             splitter.take(*byte).map(|saying| match saying {
                 Saying::Line(line) => String::from_utf8_lossy(line).into_owned(),
                 Saying::Refusal => "refused".to_owned(),
+                Saying::CutRefusal => "cut and refused".to_owned(),
                 Saying::TooLong => "too long".to_owned(),
             })
         });
@@ -85,9 +93,17 @@ mod tests {
     }
 
     #[test]
+    fn a_refusal_inside_a_line_cuts_it() {
+        assert_eq!(split(b"t12\x073\r"), ["cut and refused", "3"]);
+        // Of what is too long it was said.
+        assert_eq!(split(&[&[b'x'; 200][..], b"\x07"].concat()), ["too long", "refused"]);
+    }
+
+    #[test]
     fn a_line_without_end_does_not_grow_and_the_next_one_is_good() {
         let long = [&[b'x'; 100_000][..], b"\rt1230\r"].concat();
         assert_eq!(split(&long), ["too long", "t1230"]);
+        assert_eq!(split(&[b'x'; 100_000]), ["too long"], "it need not end");
         let longest = [b'x'; LONGEST];
         assert_eq!(split(&[&longest[..], b"\r"].concat())[0].len(), LONGEST);
     }

@@ -2,7 +2,7 @@
 
 use super::super::super::outbox::{Outbox, Reader};
 use super::super::super::{Place, SourceError, SourceOptions};
-use super::super::{LiveOptions, PATIENCE, Tap};
+use super::super::{LiveOptions, PATIENCE, Tap, serial};
 use super::adapter::{Adapter, Problem, Rate, Setting};
 use super::ear::Ear;
 use super::search::{self, Search, Step};
@@ -61,6 +61,9 @@ impl SlcanTap {
         let options = options.live.clone();
         let whole = |what: String| SourceError::new(&source, Place::Whole, what);
         let given = options.bitrate.map(Rate::new).transpose().map_err(whole)?;
+        if serial::makes_terminals(path.as_ref()) {
+            return Err(whole(serial::NO_PORT.to_owned()));
+        }
         let search = Search::begin(Instant::now());
         let mut port =
             Adapter::new(open_port(path).map_err(|error| refusal(&source, path, &error))?);
@@ -105,8 +108,8 @@ impl SlcanTap {
         if !std::mem::replace(&mut self.is_search_told, true) {
             out.note(&format!("{}: {}", self.source, search::told()));
         }
-        if let Err(error) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
-            return self.lose(None, error, out);
+        if let Err(problem) = self.ear.listen_for_rate(&mut port, &setting, &mut search) {
+            return self.lose(None, problem, out);
         }
         match search.step(Instant::now()) {
             Step::Wait => Ok(State::Searching(port, setting, search)),
@@ -145,7 +148,7 @@ impl SlcanTap {
         self.ear.announce(&setting, out);
         match self.ear.listen(&mut port, &setting, out) {
             Ok(()) => Ok(State::Listening(port, setting)),
-            Err(error) => self.lose(Some(setting.rate), error, out),
+            Err(problem) => self.lose(Some(setting.rate), problem, out),
         }
     }
 
@@ -154,11 +157,12 @@ impl SlcanTap {
     fn lose(
         &mut self,
         rate: Option<Rate>,
-        error: io::Error,
+        problem: Problem,
         out: &mut Outbox,
     ) -> Result<State, SourceError> {
-        if !self.options.reconnect {
-            return Err(because(&self.source, Problem::Port(error)));
+        if !self.options.reconnect || matches!(problem, Problem::Adapter(_)) {
+            self.ear.tell_rest(out);
+            return Err(because(&self.source, problem));
         }
         if rate.is_some() {
             let start = self.ear.now();
