@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     match begin(arguments, settings) {
         Ok(recorder) => Recording::new(recorder, arguments.decoding.quiet).run(arguments),
         Err(error) => {
-            say_error(&error);
+            say_error(&error, false);
             ExitCode::from(FAILED)
         }
     }
@@ -110,12 +110,13 @@ fn begin(arguments: &Arguments, settings: Settings) -> Result<Recorder, RecordEr
     Recorder::new(&source_options(decoding), files, events)
 }
 
-fn say_error(error: &RecordError) {
+/// Says why a recording ends, and that what came before is whole, where files are there.
+fn say_error(error: &RecordError, is_kept: bool) {
     match error {
         RecordError::Write(WriteError { path, cause }) => say!(
-            "fieldtap: {}: cannot be written ({cause}): the recording ends here, what came before \
-             is whole",
-            path.display()
+            "fieldtap: {}: cannot be written ({cause}): the recording ends here{}",
+            path.display(),
+            if is_kept { ", what came before is whole" } else { "" }
         ),
         RecordError::Unfit(cause) => say!("fieldtap: this cannot be recorded: {cause}"),
     }
@@ -248,7 +249,8 @@ impl Recording {
             None
         });
         let has_failed = failed.is_some() || source_error.is_some();
-        failed.iter().for_each(say_error);
+        let is_kept = self.recorder().files().are_there();
+        failed.iter().for_each(|error| say_error(error, is_kept));
         if let Some(error) = source_error {
             say!("fieldtap: {error}");
         }

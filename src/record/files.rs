@@ -18,6 +18,9 @@ const BUFFERED: usize = 64 * 1024;
 /// How long they wait at most.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
 
+/// How often it is looked whether the file that is being written is still there.
+const LOOKED_EACH: Duration = Duration::from_secs(1);
+
 /// Files in a directory.
 pub struct Files {
     directory: PathBuf,
@@ -43,6 +46,8 @@ struct Open {
     written: u64,
     /// When the first byte of the buffer came.
     waiting_since: Option<Instant>,
+    /// When it was last seen under its name.
+    seen: Instant,
     /// When its first block began, by a clock that is never set back.
     begin: Moment,
     /// How many heads it has.
@@ -83,6 +88,14 @@ impl Files {
     /// Where they are.
     pub fn directory(&self) -> &Path {
         &self.directory
+    }
+
+    /// Whether one that was finished is there: nobody deleted them all, or moved them away.
+    pub fn are_there(&self) -> bool {
+        let is_one = |entry: io::Result<fs::DirEntry>| {
+            entry.is_ok_and(|entry| entry.path().extension().is_some_and(|end| end == "pcapng"))
+        };
+        self.finished > 0 && fs::read_dir(&self.directory).is_ok_and(|mut all| all.any(is_one))
     }
 
     /// Whether one is being written.
@@ -133,12 +146,15 @@ impl Files {
         if open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
     }
 
-    /// Writes what has waited long enough.
+    /// Writes what has waited long enough, and looks whether it is still there.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// It cannot be written, or somebody deleted the file.
     pub fn attend(&mut self) -> Result<(), WriteError> {
         self.check()?;
+        if self.open.as_ref().is_some_and(|open| open.seen.elapsed() >= LOOKED_EACH) {
+            self.look_for_open()?;
+        }
         let since = self.open.as_ref().and_then(|open| open.waiting_since);
         match since {
             Some(since) if since.elapsed() >= LONGEST_WAIT => self.flush(),
@@ -156,6 +172,7 @@ impl Files {
         open.buffer.extend_from_slice(ends);
         self.bytes += ends.len() as u64;
         self.flush()?;
+        self.look_for_open()?;
         self.shelve();
         Ok(())
     }
@@ -173,6 +190,23 @@ impl Files {
         self.shelf.check().inspect_err(|_| self.is_broken = true)
     }
 
+    /// Whether the file that is being written is still there. A file without a name takes all that is
+    /// written, and is gone when it is closed: nobody shall listen for days for that.
+    fn look_for_open(&mut self) -> Result<(), WriteError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        open.seen = Instant::now();
+        // What cannot be looked at may be there.
+        if !matches!(open.names.part.try_exists(), Ok(false)) {
+            return Ok(());
+        }
+        self.is_broken = true;
+        self.bytes -= open.length();
+        let path = open.names.part.clone();
+        self.open = None;
+        let what = "somebody deleted or moved it while it was being written";
+        Err(WriteError { path, cause: io::Error::new(io::ErrorKind::NotFound, what) })
+    }
+
     fn begin(&mut self, begin: Moment, stamp: Moment) -> Result<(), WriteError> {
         let names = loop {
             self.number = self.number.saturating_add(1);
@@ -188,8 +222,8 @@ impl Files {
             WriteError { path: names.part.clone(), cause }
         })?;
         let buffer = Vec::with_capacity(2 * BUFFERED);
-        let (written, waiting_since, heads) = (0, None, 0);
-        self.open = Some(Open { names, file, buffer, written, waiting_since, begin, heads });
+        let (written, waiting_since, seen, heads) = (0, None, Instant::now(), 0);
+        self.open = Some(Open { names, file, buffer, written, waiting_since, seen, begin, heads });
         Ok(())
     }
 
@@ -318,6 +352,23 @@ mod tests {
         files.finish(&[]).unwrap();
         // 10 to 12, 13 to 15, 16.
         assert_eq!(files.finished, 3);
+    }
+
+    #[test]
+    fn a_file_that_somebody_deleted_is_missed() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut files = Files::new(directory.path(), Ring::default()).unwrap();
+        write(&mut files, 1);
+        files.finish(&[]).unwrap();
+        files.settle().unwrap();
+        assert!(files.are_there());
+        write(&mut files, 2);
+        fs::remove_dir_all(directory.path()).unwrap();
+        let error = files.finish(&[]).unwrap_err();
+        assert!(error.cause.to_string().contains("deleted"), "{error:?}");
+        // The first had 1500 bytes.
+        assert_eq!((files.finished, files.bytes, files.are_there()), (1, 1_500, false));
+        assert!(!files.is_open());
     }
 
     #[test]

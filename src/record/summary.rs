@@ -16,6 +16,8 @@ pub struct Summary {
     bytes: u64,
     files: u64,
     is_open: bool,
+    /// Files were finished, and none is there.
+    are_gone: bool,
     events: Option<u64>,
     /// Losses besides the times in which nobody listened.
     losses: u64,
@@ -37,6 +39,7 @@ impl Summary {
             bytes: files.bytes,
             files: files.finished,
             is_open: files.is_open(),
+            are_gone: files.finished > 0 && !files.are_there(),
             events: recorder.events(),
             losses: sum(|bus| bus.counts.losses - bus.counts.deaf),
             deaf: sum(|bus| bus.counts.deaf),
@@ -61,7 +64,9 @@ impl fmt::Display for Summary {
             write!(f, ", {events} event{}", plural(events))?;
         }
         let open = if self.is_open { " and one being written" } else { "" };
-        write!(f, "; {} bytes in {} file{}{open}; ", self.bytes, self.files, plural(self.files))?;
+        let gone = if self.are_gone { ", none of which is there any more" } else { "" };
+        let (bytes, files) = (self.bytes, self.files);
+        write!(f, "; {bytes} bytes in {files} file{}{gone}{open}; ", plural(files))?;
         let [capture, receiver] = self.lost;
         match self.losses {
             0 if self.deaf > 0 => {}
@@ -115,15 +120,18 @@ pub fn undecoded(recorder: &Recorder) -> Verdict {
             open: "everything: nothing was recorded".to_owned(),
         };
     }
-    Verdict {
-        line,
-        who: not_decoded(),
-        wrong: not_decoded(),
-        open: format!(
-            "everything: a recording is not decoded -> fieldtap read {}/*.pcapng",
-            clean(&recorder.directory().display().to_string())
-        ),
+    Verdict { line, who: not_decoded(), wrong: not_decoded(), open: open(recorder) }
+}
+
+/// What was not judged, and where it is to be read.
+fn open(recorder: &Recorder) -> String {
+    if !recorder.files().are_there() {
+        return "everything: no recorded file is there".to_owned();
     }
+    format!(
+        "everything: a recording is not decoded -> fieldtap read {}/*.pcapng",
+        clean(&recorder.directory().display().to_string())
+    )
 }
 
 #[cfg(test)]
@@ -140,6 +148,7 @@ mod tests {
             bytes: 1_234_567,
             files: 2,
             is_open: true,
+            are_gone: false,
             events: None,
             losses: 2,
             deaf: 1,

@@ -387,6 +387,32 @@ fn what_is_ignored_does_not_end_a_recording() {
     }
 }
 
+/// A deleted file takes all that is written to it: nobody shall record into one for days.
+#[test]
+fn a_recording_ends_where_its_file_is_deleted() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let mut child = start(&["record", "-", "--baud", "115200", "-w", argument(&directory)]);
+    let mut stdin = child.stdin.take().expect("it is piped");
+    let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+    stdin.write_all(capture.as_bytes()).expect("it reads");
+    wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+    std::fs::remove_dir_all(&directory).expect("it is ours");
+    // More comes, as from a tap: it may end before all of it.
+    for n in 1..60 {
+        std::thread::sleep(Duration::from_millis(50));
+        let _ = stdin.write_all(exchange(n * 50_000_000, "ok").as_bytes());
+    }
+    wait_for("it ends", || child.try_wait().expect("it is ours").is_some());
+    let output = child.wait_with_output().expect("it ended");
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(told.contains("somebody deleted or moved it"), "{told}");
+    assert!(told.contains("; 0 bytes in 0 files;"), "{told}");
+    assert!(told.contains("OPEN   everything: no recorded file is there"), "{told}");
+    assert!(!told.contains("is whole") && !told.contains("fieldtap read"), "{told}");
+}
+
 /// A limit on the size of files is met like a full disk.
 #[test]
 fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
