@@ -31,6 +31,8 @@ pub struct Files {
     open: Option<Open>,
     /// Something could not be written: nothing more is.
     is_broken: bool,
+    /// Something was to be written, and is in no file.
+    pub is_cut: bool,
     /// Files that were finished, deleted ones included.
     pub finished: u64,
     /// Bytes that were written, those of deleted files included.
@@ -80,6 +82,7 @@ impl Files {
             shelf: Shelf::new(ring.files),
             open: None,
             is_broken: false,
+            is_cut: false,
             finished: 0,
             bytes: 0,
         })
@@ -128,6 +131,7 @@ impl Files {
         heads: &[Vec<u8>],
     ) -> Result<(), WriteError> {
         if self.is_broken {
+            self.is_cut = true;
             return Ok(());
         }
         self.check()?;
@@ -135,14 +139,12 @@ impl Files {
             self.begin(from, stamp)?;
         }
         let Some(open) = &mut self.open else { return Ok(()) };
-        let before = open.length();
         for head in heads.iter().skip(open.heads) {
             open.buffer.extend_from_slice(head);
         }
         open.heads = heads.len();
         open.buffer.extend_from_slice(bytes);
         open.waiting_since.get_or_insert_with(Instant::now);
-        self.bytes += open.length() - before;
         if open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
     }
 
@@ -170,7 +172,6 @@ impl Files {
     pub fn finish(&mut self, ends: &[u8]) -> Result<(), WriteError> {
         let Some(open) = &mut self.open else { return Ok(()) };
         open.buffer.extend_from_slice(ends);
-        self.bytes += ends.len() as u64;
         self.flush()?;
         self.look_for_open()?;
         self.shelve();
@@ -199,8 +200,8 @@ impl Files {
         if !matches!(open.names.part.try_exists(), Ok(false)) {
             return Ok(());
         }
-        self.is_broken = true;
-        self.bytes -= open.length();
+        (self.is_broken, self.is_cut) = (true, true);
+        self.bytes -= open.written;
         let path = open.names.part.clone();
         self.open = None;
         let what = "somebody deleted or moved it while it was being written";
@@ -218,7 +219,7 @@ impl Files {
         };
         let file = OpenOptions::new().write(true).create_new(true).open(&names.part);
         let file = file.map_err(|cause| {
-            self.is_broken = true;
+            (self.is_broken, self.is_cut) = (true, true);
             WriteError { path: names.part.clone(), cause }
         })?;
         let buffer = Vec::with_capacity(2 * BUFFERED);
@@ -229,12 +230,23 @@ impl Files {
 
     fn flush(&mut self) -> Result<(), WriteError> {
         let Some(open) = &mut self.open else { return Ok(()) };
-        let Err(cause) = open.flush() else { return Ok(()) };
-        self.is_broken = true;
-        let path = open.names.part.clone();
-        // What is whole is worth its name, and no more will come. Where it cannot be renamed either
-        // it stays where it is, to be read all the same.
-        self.shelve();
+        let before = open.written;
+        let flushed = open.flush();
+        let Open { written, names, .. } = open;
+        self.bytes += *written - before;
+        let Err(cause) = flushed else { return Ok(()) };
+        (self.is_broken, self.is_cut) = (true, true);
+        let path = names.part.clone();
+        if *written > 0 {
+            // What is whole is worth its name, and no more will come. Where it cannot be renamed
+            // either it stays where it is, to be read all the same.
+            self.shelve();
+        } else {
+            // A name without content would pass for a capture. Where it cannot be deleted, it has
+            // no such name.
+            let _ = fs::remove_file(&path);
+            self.open = None;
+        }
         Err(WriteError { path, cause })
     }
 

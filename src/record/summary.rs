@@ -18,6 +18,8 @@ pub struct Summary {
     is_open: bool,
     /// Files were finished, and none is there.
     are_gone: bool,
+    /// What was heard last is in no file.
+    is_cut: bool,
     events: Option<u64>,
     /// Losses besides the times in which nobody listened.
     losses: u64,
@@ -40,6 +42,7 @@ impl Summary {
             files: files.finished,
             is_open: files.is_open(),
             are_gone: files.finished > 0 && !files.are_there(),
+            is_cut: files.is_cut,
             events: recorder.events(),
             losses: sum(|bus| bus.counts.losses - bus.counts.deaf),
             deaf: sum(|bus| bus.counts.deaf),
@@ -67,9 +70,13 @@ impl fmt::Display for Summary {
         let gone = if self.are_gone { ", none of which is there any more" } else { "" };
         let (bytes, files) = (self.bytes, self.files);
         write!(f, "; {bytes} bytes in {files} file{}{gone}{open}; ", plural(files))?;
+        if self.is_cut {
+            f.write_str("what was heard last could not be written; ")?;
+        }
         let [capture, receiver] = self.lost;
         match self.losses {
             0 if self.deaf > 0 => {}
+            0 if self.is_cut => f.write_str("nothing lost before")?,
             0 => f.write_str("nothing lost")?,
             1 => write!(
                 f,
@@ -149,6 +156,7 @@ mod tests {
             files: 2,
             is_open: true,
             are_gone: false,
+            is_cut: false,
             events: None,
             losses: 2,
             deaf: 1,

@@ -431,8 +431,11 @@ fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
     assert_eq!(output.status.code(), Some(3), "{told}");
     assert!(told.contains("cannot be written") && told.contains("what came before"), "{told}");
     assert!(told.contains("\nLINE   ok"), "{told}");
+    assert!(told.contains("what was heard last could not be written"), "{told}");
     let files = files(&directory);
     assert!(files.len() == 1 && is_whole(&files[0]), "{files:?}");
+    let length = std::fs::metadata(&files[0]).expect("it is there").len();
+    assert!(told.contains(&format!("; {length} bytes in 1 file;")), "{length}: {told}");
     let records = read(&files).good().records();
     assert!(records.len() > 500, "{}", records.len());
     let whole = read(&[source]);
@@ -471,6 +474,24 @@ fn a_full_file_system() {
     // The sections of all files, one behind the other, read as one.
     let run = fieldtap_fed(["read", "--format", "json", "-"], &output.stdout).good();
     assert!(run.records().len() > 500, "{}", run.records().len());
+}
+
+/// Where not even the first block has room, there is no file that looks like a capture.
+#[test]
+fn a_limit_that_leaves_no_room_leaves_no_file() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let source = scratch.file("long.chars", ninety_seconds(&[]));
+    let program = env!("CARGO_BIN_EXE_fieldtap");
+    let (source, tape) = (argument(&source), argument(&directory));
+    let command = format!("ulimit -f 0; exec {program} record {source} --baud 115200 -w {tape}");
+    // What it says goes through a pipe, which has no such limit.
+    let output = Command::new("sh").args(["-c", &command]).output().expect("sh is there");
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(files(&directory).is_empty(), "{:?}", files(&directory));
+    assert!(told.contains("; 0 bytes in 0 files; what was heard last could not be"), "{told}");
+    assert!(!told.contains("is whole") && !told.contains("fieldtap read"), "{told}");
 }
 
 #[test]
