@@ -135,7 +135,8 @@ impl Files {
             return Ok(());
         }
         self.check()?;
-        if self.open.is_none() {
+        let is_new = self.open.is_none();
+        if is_new {
             self.begin(from, stamp)?;
         }
         let Some(open) = &mut self.open else { return Ok(()) };
@@ -145,7 +146,8 @@ impl Files {
         open.heads = heads.len();
         open.buffer.extend_from_slice(bytes);
         open.waiting_since.get_or_insert_with(Instant::now);
-        if open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
+        // A file without its head is no capture, should the program be killed now.
+        if is_new || open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
     }
 
     /// Writes what has waited long enough, and looks whether it is still there.
@@ -391,5 +393,8 @@ mod tests {
         let name = |entry: io::Result<fs::DirEntry>| entry.unwrap().file_name();
         let names: Vec<_> = fs::read_dir(directory.path()).unwrap().map(name).collect();
         assert!(names.len() == 1 && names[0].to_string_lossy().ends_with(".pcapng.part"));
+        // And yet its head of 500 bytes and the first blocks are there, whatever ends the program.
+        let part = directory.path().join(&names[0]);
+        assert_eq!(fs::metadata(part).unwrap().len(), 1_500);
     }
 }

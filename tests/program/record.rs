@@ -413,6 +413,20 @@ fn a_recording_ends_where_its_file_is_deleted() {
     assert!(!told.contains("is whole") && !told.contains("fieldtap read"), "{told}");
 }
 
+#[test]
+fn an_empty_file_among_others_is_left_out() {
+    let scratch = Scratch::new();
+    let bytes = |from| format!("time,byte,parity\n{}", exchange(from, "ok"));
+    let first = scratch.file("1.chars", bytes(0));
+    let empty = scratch.file("2.chars", "");
+    let last = scratch.file("3.chars", bytes(1_000_000_000));
+    let run = read(&[first, empty.clone(), last]).good();
+    assert_eq!(run.records().len(), 4);
+    assert!(run.stderr.contains("warning: ") && run.stderr.contains("2.chars: there is nothing"));
+    let run = read(&[empty.clone(), empty]);
+    assert!(run.status == 3 && run.stderr.contains("there is nothing in it"), "{}", run.stderr);
+}
+
 /// A limit on the size of files is met like a full disk.
 #[test]
 fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
