@@ -73,7 +73,6 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     };
     // A second Ctrl-C does not wait for a good end.
     interrupt::catch(INTERRUPTED);
-    interrupt::outlive_limits();
     match begin(arguments, settings) {
         Ok(recorder) => Recording::new(recorder, arguments.decoding.quiet).run(arguments),
         Err(error) => {
