@@ -73,24 +73,33 @@ impl fmt::Display for Summary {
         if self.is_cut {
             f.write_str("what was heard last could not be written; ")?;
         }
-        let [capture, receiver] = self.lost;
         match self.losses {
             0 if self.deaf > 0 => {}
             0 if self.is_cut => f.write_str("nothing lost before")?,
             0 => f.write_str("nothing lost")?,
-            1 => write!(
-                f,
-                "lost once: {capture} counted in the capture, {receiver} at the receiver"
-            )?,
-            times => write!(
-                f,
-                "lost {times} times: {capture} counted in the capture, {receiver} at the receiver"
-            )?,
+            1 => write!(f, "lost once{}", Counted(self.lost))?,
+            times => write!(f, "lost {times} times{}", Counted(self.lost))?,
         }
         match (self.losses, self.deaf) {
             (_, 0) => Ok(()),
             (0, times) => write!(f, "nobody listened {times} x"),
             (_, times) => write!(f, "; nobody listened {times} x"),
+        }
+    }
+}
+
+/// How much was lost, as far as it was counted: in the capture, and at the receiver.
+struct Counted([u64; 2]);
+
+impl fmt::Display for Counted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            [0, 0] => f.write_str(", how much is not known"),
+            [capture, 0] => write!(f, ": {capture} counted in the capture"),
+            [0, receiver] => write!(f, ": {receiver} counted at the receiver"),
+            [capture, receiver] => {
+                write!(f, ": {capture} counted in the capture, {receiver} at the receiver")
+            }
         }
     }
 }
@@ -165,7 +174,15 @@ mod tests {
         assert_eq!(
             summary.to_string(),
             "recorded 1 h 2 min: 41212 characters, 1 break; 1234567 bytes in 2 files and one being \
-             written; lost 2 times: 7 counted in the capture, 0 at the receiver; nobody listened 1 x"
+             written; lost 2 times: 7 counted in the capture; nobody listened 1 x"
         );
+    }
+
+    #[test]
+    fn what_was_not_counted_is_not_none() {
+        let said = |lost| Counted(lost).to_string();
+        assert_eq!(said([0, 0]), ", how much is not known");
+        assert_eq!(said([0, 12]), ": 12 counted at the receiver");
+        assert_eq!(said([7, 12]), ": 7 counted in the capture, 12 at the receiver");
     }
 }
