@@ -247,6 +247,7 @@ impl Recording {
             failed.get_or_insert(error);
             None
         });
+        let has_source_failed = source_error.is_some();
         let has_failed = failed.is_some() || source_error.is_some();
         let is_kept = self.recorder().files().are_there();
         failed.iter().for_each(|error| say_error(error, is_kept));
@@ -257,9 +258,9 @@ impl Recording {
             if self.recorder().is_short() {
                 say!("fieldtap: warning: --before asks for more than is held in memory (64 MiB)");
             }
-            say!("{}", self.summary());
+            say!("{}", self.summary().behind_failure(has_source_failed));
             let decoded = watcher.and_then(|watcher| watcher.verdict(has_failed));
-            let verdict = decoded.unwrap_or_else(|| undecoded(&self.recorder()));
+            let verdict = decoded.unwrap_or_else(|| undecoded(&self.recorder(), has_source_failed));
             for (heading, text) in verdict.lines() {
                 say!("{heading:<6} {text}");
             }

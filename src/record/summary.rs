@@ -20,6 +20,8 @@ pub struct Summary {
     are_gone: bool,
     /// What was heard last is in no file.
     is_cut: bool,
+    /// The source could not go on.
+    has_source_failed: bool,
     events: Option<u64>,
     /// Losses besides the times in which nobody listened.
     losses: u64,
@@ -43,11 +45,19 @@ impl Summary {
             is_open: files.is_open(),
             are_gone: files.finished > 0 && !files.are_there(),
             is_cut: files.is_cut,
+            has_source_failed: false,
             events: recorder.events(),
             losses: sum(|bus| bus.counts.losses - bus.counts.deaf),
             deaf: sum(|bus| bus.counts.deaf),
             lost: [sum(|bus| bus.lost[0]), sum(|bus| bus.lost[1])],
         }
+    }
+}
+
+impl Summary {
+    /// The same where the source could not go on: what it would have told is not known.
+    pub fn behind_failure(self, has_source_failed: bool) -> Self {
+        Summary { has_source_failed, ..self }
     }
 }
 
@@ -76,6 +86,7 @@ impl fmt::Display for Summary {
         match self.losses {
             0 if self.deaf > 0 => {}
             0 if self.is_cut => f.write_str("nothing lost before")?,
+            0 if self.has_source_failed => f.write_str("nothing lost before the source failed")?,
             0 => f.write_str("nothing lost")?,
             1 => write!(f, "lost once{}", Counted(self.lost))?,
             times => write!(f, "lost {times} times{}", Counted(self.lost))?,
@@ -118,8 +129,9 @@ impl fmt::Display for Lasted {
     }
 }
 
-/// The last four lines of a recording that was not decoded.
-pub fn undecoded(recorder: &Recorder) -> Verdict {
+/// The last four lines of a recording that was not decoded, of a source that came to its end or
+/// could not go on.
+pub fn undecoded(recorder: &Recorder, has_source_failed: bool) -> Verdict {
     let lines = recorder.buses().iter().map(|bus| {
         let line = line_of_counts(bus.counts, bus.wire(), bus.is_can());
         let is_only = recorder.buses().len() == 1;
@@ -136,16 +148,22 @@ pub fn undecoded(recorder: &Recorder) -> Verdict {
             open: "everything: nothing was recorded".to_owned(),
         };
     }
-    Verdict { line, who: not_decoded(), wrong: not_decoded(), open: open(recorder) }
+    Verdict {
+        line,
+        who: not_decoded(),
+        wrong: not_decoded(),
+        open: open(recorder, has_source_failed),
+    }
 }
 
 /// What was not judged, and where it is to be read.
-fn open(recorder: &Recorder) -> String {
+fn open(recorder: &Recorder, has_source_failed: bool) -> String {
+    let behind = if has_source_failed { "what comes after the source's failure; " } else { "" };
     if !recorder.files().are_there() {
-        return "everything: no recorded file is there".to_owned();
+        return format!("{behind}everything: no recorded file is there");
     }
     format!(
-        "everything: a recording is not decoded -> fieldtap read {}/*.pcapng",
+        "{behind}everything: a recording is not decoded -> fieldtap read {}/*.pcapng",
         clean(&recorder.directory().display().to_string())
     )
 }
@@ -166,6 +184,7 @@ mod tests {
             is_open: true,
             are_gone: false,
             is_cut: false,
+            has_source_failed: false,
             events: None,
             losses: 2,
             deaf: 1,

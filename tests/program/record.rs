@@ -414,6 +414,20 @@ fn a_recording_ends_where_its_file_is_deleted() {
 }
 
 #[test]
+fn a_recording_says_where_its_source_broke_off() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let log: String = (0..1_100).map(|n| format!("(0.{n:06}) can{n} 123#00\n")).collect();
+    let run = fieldtap_fed(["record", "-", "-w", argument(&directory)], log.as_bytes());
+    assert_eq!(run.status, 3, "{}", run.stderr);
+    let limit = "line 1025: more than 1024 interfaces, which is as many as fieldtap follows";
+    assert!(run.stderr.contains(limit), "{}", run.stderr);
+    assert!(run.stderr.contains("; nothing lost before the source failed\n"), "{}", run.stderr);
+    let open = "OPEN   what comes after the source's failure; everything: a recording is not";
+    assert!(run.stderr.contains(open), "{}", run.stderr);
+}
+
+#[test]
 fn an_empty_file_among_others_is_left_out() {
     let scratch = Scratch::new();
     let bytes = |from| format!("time,byte,parity\n{}", exchange(from, "ok"));
