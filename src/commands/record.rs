@@ -5,8 +5,7 @@ use crate::clock::Clock;
 use crate::decode::{FAILED, INTERRUPTED, USAGE, settings, source_options};
 use crate::interrupt;
 use crate::record::{
-    Files, RecordError, Recorder, Ring, Summary, Surroundings, Trigger, Watch, WriteError, span,
-    undecoded,
+    Files, RecordError, Recorder, Ring, Summary, Surroundings, Trigger, Watch, span, undecoded,
 };
 use crate::say;
 use crate::source::{self, Piece, Source, SourceError, SourceOptions};
@@ -111,12 +110,9 @@ fn begin(arguments: &Arguments, settings: Settings) -> Result<Recorder, RecordEr
 
 /// Says why a recording ends, and that what came before is whole, where files are there.
 fn say_error(error: &RecordError, is_kept: bool) {
+    let kept = if is_kept { ", what came before is whole" } else { "" };
     match error {
-        RecordError::Write(WriteError { path, cause }) => say!(
-            "fieldtap: {}: cannot be written ({cause}): the recording ends here{}",
-            path.display(),
-            if is_kept { ", what came before is whole" } else { "" }
-        ),
+        RecordError::Write(error) => say!("fieldtap: {error}; the recording ends here{kept}"),
         RecordError::Unfit(cause) => say!("fieldtap: this cannot be recorded: {cause}"),
     }
 }

@@ -3,6 +3,7 @@
 //! What is written reaches the system at least each half second, so that a program that is killed
 //! loses no more. A full disk ends the recording, and what was written stays readable.
 
+pub use super::failure::WriteError;
 use super::names::Names;
 use super::ring::Ring;
 use super::shelf::Shelf;
@@ -56,15 +57,6 @@ struct Open {
     heads: usize,
 }
 
-/// What could not be written, and where.
-#[derive(Debug)]
-pub struct WriteError {
-    /// The file, or the directory.
-    pub path: PathBuf,
-    /// Why.
-    pub cause: io::Error,
-}
-
 impl Files {
     /// Files of a recording in this directory, which is made if it is not there.
     ///
@@ -99,6 +91,11 @@ impl Files {
             entry.is_ok_and(|entry| entry.path().extension().is_some_and(|end| end == "pcapng"))
         };
         self.finished > 0 && fs::read_dir(&self.directory).is_ok_and(|mut all| all.any(is_one))
+    }
+
+    /// Those that could not be given their names: they are there all the same.
+    pub fn unnamed(&self) -> &[PathBuf] {
+        &self.shelf.unnamed
     }
 
     /// Whether one is being written.

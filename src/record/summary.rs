@@ -43,7 +43,7 @@ impl Summary {
             bytes: files.bytes,
             files: files.finished,
             is_open: files.is_open(),
-            are_gone: files.finished > 0 && !files.are_there(),
+            are_gone: files.finished > 0 && !files.are_there() && files.unnamed().is_empty(),
             is_cut: files.is_cut,
             has_source_failed: false,
             events: recorder.events(),
@@ -159,13 +159,15 @@ pub fn undecoded(recorder: &Recorder, has_source_failed: bool) -> Verdict {
 /// What was not judged, and where it is to be read.
 fn open(recorder: &Recorder, has_source_failed: bool) -> String {
     let behind = if has_source_failed { "what comes after the source's failure; " } else { "" };
-    if !recorder.files().are_there() {
+    let files = recorder.files();
+    let whole = files.are_there().then(|| recorder.directory().join("*.pcapng"));
+    let there = whole.iter().chain(files.unnamed());
+    let there: Vec<String> = there.map(|path| clean(&path.display().to_string())).collect();
+    if there.is_empty() {
         return format!("{behind}everything: no recorded file is there");
     }
-    format!(
-        "{behind}everything: a recording is not decoded -> fieldtap read {}/*.pcapng",
-        clean(&recorder.directory().display().to_string())
-    )
+    let there = there.join(" ");
+    format!("{behind}everything: a recording is not decoded -> fieldtap read {there}")
 }
 
 #[cfg(test)]
