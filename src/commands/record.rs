@@ -46,11 +46,11 @@ pub struct Arguments {
     triggers: Vec<Trigger>,
 
     /// With --trigger: how much before an event is kept.
-    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, requires = "triggers", help_heading = "Recording")]
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, allow_hyphen_values = true, requires = "triggers", help_heading = "Recording")]
     before: i64,
 
     /// With --trigger: how much after an event is kept.
-    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, requires = "triggers", help_heading = "Recording")]
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, allow_hyphen_values = true, requires = "triggers", help_heading = "Recording")]
     after: i64,
 
     #[command(flatten)]

@@ -534,6 +534,9 @@ fn what_cannot_be_recorded_is_refused() {
         #[cfg(target_os = "linux")]
         (&["serial:/dev/absent", "--baud", "115200"], 3, "LINE   not heard: no bus appeared"),
         (&["-", "--ring", "files=3"], 2, "without size or duration"),
+        (&["-", "--ring", "duration=1ms"], 2, "duration is 1s or more"),
+        (&["-", "--trigger", "error", "--before", "-1s"], 2, "-1s is no time such as 30s"),
+        (&["-", "--trigger", "error", "--after", "-1s"], 2, "-1s is no time such as 30s"),
         (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
         (&["-", "--count", "3"], 2, "keeps everything"),
         (&["can:can0", "can:can1"], 2, "one live tap"),
