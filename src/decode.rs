@@ -172,8 +172,10 @@ pub fn decode(
         is_quiet: decoding.quiet,
     };
     let options = source_options(decoding);
+    let (sources, empty) = source::without_empty(sources);
+    empty.iter().for_each(|warning| desk.warn(warning));
     let mut error = None;
-    for name in sources {
+    for name in &sources {
         let passed = source::open(name, &options)
             .and_then(|mut source| pipeline.pass(&mut *source, &mut desk));
         if let Err(stopped) = passed {

@@ -5,8 +5,7 @@ use crate::clock::Clock;
 use crate::decode::{FAILED, INTERRUPTED, USAGE, settings, source_options};
 use crate::interrupt;
 use crate::record::{
-    Files, RecordError, Recorder, Ring, Summary, Surroundings, Trigger, Watch, WriteError, span,
-    undecoded,
+    Files, RecordError, Recorder, Ring, Summary, Surroundings, Trigger, Watch, span, undecoded,
 };
 use crate::say;
 use crate::source::{self, Piece, Source, SourceError, SourceOptions};
@@ -47,11 +46,11 @@ pub struct Arguments {
     triggers: Vec<Trigger>,
 
     /// With --trigger: how much before an event is kept.
-    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, requires = "triggers", help_heading = "Recording")]
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, allow_hyphen_values = true, requires = "triggers", help_heading = "Recording")]
     before: i64,
 
     /// With --trigger: how much after an event is kept.
-    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, requires = "triggers", help_heading = "Recording")]
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, allow_hyphen_values = true, requires = "triggers", help_heading = "Recording")]
     after: i64,
 
     #[command(flatten)]
@@ -73,11 +72,10 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     };
     // A second Ctrl-C does not wait for a good end.
     interrupt::catch(INTERRUPTED);
-    interrupt::outlive_limits();
     match begin(arguments, settings) {
         Ok(recorder) => Recording::new(recorder, arguments.decoding.quiet).run(arguments),
         Err(error) => {
-            say_error(&error);
+            say_error(&error, false);
             ExitCode::from(FAILED)
         }
     }
@@ -110,13 +108,11 @@ fn begin(arguments: &Arguments, settings: Settings) -> Result<Recorder, RecordEr
     Recorder::new(&source_options(decoding), files, events)
 }
 
-fn say_error(error: &RecordError) {
+/// Says why a recording ends, and that what came before is whole, where files are there.
+fn say_error(error: &RecordError, is_kept: bool) {
+    let kept = if is_kept { ", what came before is whole" } else { "" };
     match error {
-        RecordError::Write(WriteError { path, cause }) => say!(
-            "fieldtap: {}: cannot be written ({cause}): the recording ends here, what came before \
-             is whole",
-            path.display()
-        ),
+        RecordError::Write(error) => say!("fieldtap: {error}; the recording ends here{kept}"),
         RecordError::Unfit(cause) => say!("fieldtap: this cannot be recorded: {cause}"),
     }
 }
@@ -247,8 +243,10 @@ impl Recording {
             failed.get_or_insert(error);
             None
         });
+        let has_source_failed = source_error.is_some();
         let has_failed = failed.is_some() || source_error.is_some();
-        failed.iter().for_each(say_error);
+        let is_kept = self.recorder().files().are_there();
+        failed.iter().for_each(|error| say_error(error, is_kept));
         if let Some(error) = source_error {
             say!("fieldtap: {error}");
         }
@@ -256,9 +254,9 @@ impl Recording {
             if self.recorder().is_short() {
                 say!("fieldtap: warning: --before asks for more than is held in memory (64 MiB)");
             }
-            say!("{}", self.summary());
+            say!("{}", self.summary().behind_failure(has_source_failed));
             let decoded = watcher.and_then(|watcher| watcher.verdict(has_failed));
-            let verdict = decoded.unwrap_or_else(|| undecoded(&self.recorder()));
+            let verdict = decoded.unwrap_or_else(|| undecoded(&self.recorder(), has_source_failed));
             for (heading, text) in verdict.lines() {
                 say!("{heading:<6} {text}");
             }

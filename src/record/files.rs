@@ -3,6 +3,7 @@
 //! What is written reaches the system at least each half second, so that a program that is killed
 //! loses no more. A full disk ends the recording, and what was written stays readable.
 
+pub use super::failure::WriteError;
 use super::names::Names;
 use super::ring::Ring;
 use super::shelf::Shelf;
@@ -18,6 +19,9 @@ const BUFFERED: usize = 64 * 1024;
 /// How long they wait at most.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
 
+/// How often it is looked whether the file that is being written is still there.
+const LOOKED_EACH: Duration = Duration::from_secs(1);
+
 /// Files in a directory.
 pub struct Files {
     directory: PathBuf,
@@ -28,6 +32,8 @@ pub struct Files {
     open: Option<Open>,
     /// Something could not be written: nothing more is.
     is_broken: bool,
+    /// Something was to be written, and is in no file.
+    pub is_cut: bool,
     /// Files that were finished, deleted ones included.
     pub finished: u64,
     /// Bytes that were written, those of deleted files included.
@@ -43,19 +49,12 @@ struct Open {
     written: u64,
     /// When the first byte of the buffer came.
     waiting_since: Option<Instant>,
+    /// When it was last seen under its name.
+    seen: Instant,
     /// When its first block began, by a clock that is never set back.
     begin: Moment,
     /// How many heads it has.
     heads: usize,
-}
-
-/// What could not be written, and where.
-#[derive(Debug)]
-pub struct WriteError {
-    /// The file, or the directory.
-    pub path: PathBuf,
-    /// Why.
-    pub cause: io::Error,
 }
 
 impl Files {
@@ -75,6 +74,7 @@ impl Files {
             shelf: Shelf::new(ring.files),
             open: None,
             is_broken: false,
+            is_cut: false,
             finished: 0,
             bytes: 0,
         })
@@ -83,6 +83,19 @@ impl Files {
     /// Where they are.
     pub fn directory(&self) -> &Path {
         &self.directory
+    }
+
+    /// Whether one that was finished is there: nobody deleted them all, or moved them away.
+    pub fn are_there(&self) -> bool {
+        let is_one = |entry: io::Result<fs::DirEntry>| {
+            entry.is_ok_and(|entry| entry.path().extension().is_some_and(|end| end == "pcapng"))
+        };
+        self.finished > 0 && fs::read_dir(&self.directory).is_ok_and(|mut all| all.any(is_one))
+    }
+
+    /// Those that could not be given their names: they are there all the same.
+    pub fn unnamed(&self) -> &[PathBuf] {
+        &self.shelf.unnamed
     }
 
     /// Whether one is being written.
@@ -115,30 +128,34 @@ impl Files {
         heads: &[Vec<u8>],
     ) -> Result<(), WriteError> {
         if self.is_broken {
+            self.is_cut = true;
             return Ok(());
         }
         self.check()?;
-        if self.open.is_none() {
+        let is_new = self.open.is_none();
+        if is_new {
             self.begin(from, stamp)?;
         }
         let Some(open) = &mut self.open else { return Ok(()) };
-        let before = open.length();
         for head in heads.iter().skip(open.heads) {
             open.buffer.extend_from_slice(head);
         }
         open.heads = heads.len();
         open.buffer.extend_from_slice(bytes);
         open.waiting_since.get_or_insert_with(Instant::now);
-        self.bytes += open.length() - before;
-        if open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
+        // A file without its head is no capture, should the program be killed now.
+        if is_new || open.buffer.len() >= BUFFERED { self.flush() } else { Ok(()) }
     }
 
-    /// Writes what has waited long enough.
+    /// Writes what has waited long enough, and looks whether it is still there.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// It cannot be written, or somebody deleted the file.
     pub fn attend(&mut self) -> Result<(), WriteError> {
         self.check()?;
+        if self.open.as_ref().is_some_and(|open| open.seen.elapsed() >= LOOKED_EACH) {
+            self.look_for_open()?;
+        }
         let since = self.open.as_ref().and_then(|open| open.waiting_since);
         match since {
             Some(since) if since.elapsed() >= LONGEST_WAIT => self.flush(),
@@ -154,8 +171,8 @@ impl Files {
     pub fn finish(&mut self, ends: &[u8]) -> Result<(), WriteError> {
         let Some(open) = &mut self.open else { return Ok(()) };
         open.buffer.extend_from_slice(ends);
-        self.bytes += ends.len() as u64;
         self.flush()?;
+        self.look_for_open()?;
         self.shelve();
         Ok(())
     }
@@ -173,6 +190,23 @@ impl Files {
         self.shelf.check().inspect_err(|_| self.is_broken = true)
     }
 
+    /// Whether the file that is being written is still there. A file without a name takes all that is
+    /// written, and is gone when it is closed: nobody shall listen for days for that.
+    fn look_for_open(&mut self) -> Result<(), WriteError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        open.seen = Instant::now();
+        // What cannot be looked at may be there.
+        if !matches!(open.names.part.try_exists(), Ok(false)) {
+            return Ok(());
+        }
+        (self.is_broken, self.is_cut) = (true, true);
+        self.bytes -= open.written;
+        let path = open.names.part.clone();
+        self.open = None;
+        let what = "somebody deleted or moved it while it was being written";
+        Err(WriteError { path, cause: io::Error::new(io::ErrorKind::NotFound, what) })
+    }
+
     fn begin(&mut self, begin: Moment, stamp: Moment) -> Result<(), WriteError> {
         let names = loop {
             self.number = self.number.saturating_add(1);
@@ -184,23 +218,34 @@ impl Files {
         };
         let file = OpenOptions::new().write(true).create_new(true).open(&names.part);
         let file = file.map_err(|cause| {
-            self.is_broken = true;
+            (self.is_broken, self.is_cut) = (true, true);
             WriteError { path: names.part.clone(), cause }
         })?;
         let buffer = Vec::with_capacity(2 * BUFFERED);
-        let (written, waiting_since, heads) = (0, None, 0);
-        self.open = Some(Open { names, file, buffer, written, waiting_since, begin, heads });
+        let (written, waiting_since, seen, heads) = (0, None, Instant::now(), 0);
+        self.open = Some(Open { names, file, buffer, written, waiting_since, seen, begin, heads });
         Ok(())
     }
 
     fn flush(&mut self) -> Result<(), WriteError> {
         let Some(open) = &mut self.open else { return Ok(()) };
-        let Err(cause) = open.flush() else { return Ok(()) };
-        self.is_broken = true;
-        let path = open.names.part.clone();
-        // What is whole is worth its name, and no more will come. Where it cannot be renamed either
-        // it stays where it is, to be read all the same.
-        self.shelve();
+        let before = open.written;
+        let flushed = open.flush();
+        let Open { written, names, .. } = open;
+        self.bytes += *written - before;
+        let Err(cause) = flushed else { return Ok(()) };
+        (self.is_broken, self.is_cut) = (true, true);
+        let path = names.part.clone();
+        if *written > 0 {
+            // What is whole is worth its name, and no more will come. Where it cannot be renamed
+            // either it stays where it is, to be read all the same.
+            self.shelve();
+        } else {
+            // A name without content would pass for a capture. Where it cannot be deleted, it has
+            // no such name.
+            let _ = fs::remove_file(&path);
+            self.open = None;
+        }
         Err(WriteError { path, cause })
     }
 
@@ -321,6 +366,23 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_somebody_deleted_is_missed() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut files = Files::new(directory.path(), Ring::default()).unwrap();
+        write(&mut files, 1);
+        files.finish(&[]).unwrap();
+        files.settle().unwrap();
+        assert!(files.are_there());
+        write(&mut files, 2);
+        fs::remove_dir_all(directory.path()).unwrap();
+        let error = files.finish(&[]).unwrap_err();
+        assert!(error.cause.to_string().contains("deleted"), "{error:?}");
+        // The first had 1500 bytes.
+        assert_eq!((files.finished, files.bytes, files.are_there()), (1, 1_500, false));
+        assert!(!files.is_open());
+    }
+
+    #[test]
     fn what_is_being_written_is_no_capture_yet() {
         let directory = tempfile::tempdir().unwrap();
         let mut files = Files::new(directory.path(), Ring::default()).unwrap();
@@ -328,5 +390,8 @@ mod tests {
         let name = |entry: io::Result<fs::DirEntry>| entry.unwrap().file_name();
         let names: Vec<_> = fs::read_dir(directory.path()).unwrap().map(name).collect();
         assert!(names.len() == 1 && names[0].to_string_lossy().ends_with(".pcapng.part"));
+        // And yet its head of 500 bytes and the first blocks are there, whatever ends the program.
+        let part = directory.path().join(&names[0]);
+        assert_eq!(fs::metadata(part).unwrap().len(), 1_500);
     }
 }

@@ -5,6 +5,7 @@
 //! worth keeping. A third one sees to it that nothing waits for long.
 
 mod composer;
+mod failure;
 mod files;
 mod flight;
 mod names;

@@ -6,6 +6,9 @@ use std::str::FromStr;
 /// Smallest size of a file: less could not hold what describes a bus.
 const SMALLEST: u64 = 4_000;
 
+/// Shortest duration of a file, in ns: a folder is not for thousands of files a minute.
+const SHORTEST: i64 = 1_000_000_000;
+
 /// When one file ends and the next begins, and how many stay.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Ring {
@@ -29,6 +32,7 @@ impl FromStr for Ring {
 
     fn from_str(text: &str) -> Result<Self, String> {
         const FORM: &str = "a ring is given as files=10,size=100MB or files=24,duration=1h";
+        const SIZE: &str = "size is bytes such as 64k, 100MB, 2GB or 1TB: 4 kB or more";
         let mut ring = Ring::default();
         for part in text.split(',') {
             let (key, value) = part.split_once('=').ok_or(FORM)?;
@@ -41,12 +45,12 @@ impl FromStr for Ring {
                 }
                 "size" => {
                     let size = bytes(value).filter(|size| *size >= SMALLEST);
-                    let size = size.ok_or("size is bytes such as 100MB: 4 kB or more")?;
+                    let size = size.ok_or(SIZE)?;
                     ring.size.replace(size).is_none()
                 }
                 "duration" => {
-                    let duration = Some(span(value)?).filter(|ns| *ns > 0);
-                    ring.duration.replace(duration.ok_or("duration is more than 0")?).is_none()
+                    let duration = Some(span(value)?).filter(|ns| *ns >= SHORTEST);
+                    ring.duration.replace(duration.ok_or("duration is 1s or more")?).is_none()
                 }
                 _ => return Err(format!("{FORM}; {key} is none of these")),
             };
@@ -61,7 +65,10 @@ impl FromStr for Ring {
 /// A number of bytes such as `100MB`, `64k` or `4096`: k is 1000.
 fn bytes(text: &str) -> Option<u64> {
     let text = text.strip_suffix(['B', 'b']).unwrap_or(text);
-    // The same letters mean the same as with frequencies.
+    if let Some(number) = text.strip_suffix(['T', 't']) {
+        return number.parse::<u64>().ok()?.checked_mul(1_000_000_000_000);
+    }
+    // The other letters mean the same as with frequencies.
     frequency(text)
 }
 
@@ -96,8 +103,14 @@ mod tests {
         assert_eq!(ring("files=10,size=100MB"), Ok(of_size));
         let of_an_hour = Ring { files: None, size: None, duration: Some(3_600_000_000_000) };
         assert_eq!(ring("duration=1h"), Ok(of_an_hour));
+        let of_a_disk = Ring { size: Some(1_000_000_000_000), ..Ring::default() };
+        assert_eq!((ring("size=1TB"), ring("size=1t")), (Ok(of_a_disk), Ok(of_a_disk)));
+        assert_eq!(ring("size=2GB").map(|ring| ring.size), Ok(Some(2_000_000_000)));
         for wrong in [
             "",
+            "size=T",
+            "size=99999999999TB",
+            "duration=999ms",
             "files=x",
             "size=1",
             "size=x",
@@ -105,6 +118,7 @@ mod tests {
             "size=1M,size=1M",
             "a=1",
             "duration=0s",
+            "duration=1ms",
         ] {
             assert!(ring(wrong).is_err(), "{wrong}");
         }

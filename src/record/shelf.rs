@@ -27,6 +27,8 @@ pub struct Shelf {
     /// is one.
     kept: VecDeque<PathBuf>,
     clerk: Option<Clerk>,
+    /// Files that could not be given their names, and are there under those they were written by.
+    pub unnamed: Vec<PathBuf>,
 }
 
 /// The thread that waits for the disk.
@@ -39,12 +41,12 @@ struct Clerk {
 impl Shelf {
     /// One on which so many files stay.
     pub fn new(most: Option<u32>) -> Self {
-        Shelf { most, kept: VecDeque::new(), clerk: None }
+        Shelf { most, kept: VecDeque::new(), clerk: None, unnamed: Vec::new() }
     }
 
     /// Puts a file there that is written, and has not its name yet.
     pub fn put(&mut self, file: File, names: Names) {
-        let Shelf { most, kept, clerk } = self;
+        let Shelf { most, kept, clerk, .. } = self;
         let clerk = clerk.get_or_insert_with(|| Clerk::begin(*most, std::mem::take(kept)));
         // One that panicked has said so.
         let _ = clerk.orders.send((file, names));
@@ -54,9 +56,9 @@ impl Shelf {
     ///
     /// # Errors
     /// A file could not be synced or renamed, or the oldest not deleted.
-    pub fn check(&self) -> Result<(), WriteError> {
+    pub fn check(&mut self) -> Result<(), WriteError> {
         let failure = self.clerk.as_ref().and_then(|clerk| clerk.failures.try_recv().ok());
-        failure.map_or(Ok(()), Err)
+        self.outcome(failure)
     }
 
     /// Waits until every file that was put there bears its name.
@@ -67,7 +69,19 @@ impl Shelf {
         let Some(Clerk { orders, failures, thread }) = self.clerk.take() else { return Ok(()) };
         drop(orders);
         self.kept = thread.join().unwrap_or_default();
-        failures.try_recv().map_or(Ok(()), Err)
+        let failures: Vec<WriteError> = failures.try_iter().collect();
+        let outcomes = failures.into_iter().map(|failure| self.outcome(Some(failure)));
+        // All are remembered, and the first is told.
+        outcomes.fold(Ok(()), Result::and)
+    }
+
+    /// Remembers the file that a failure leaves without its name.
+    fn outcome(&mut self, failure: Option<WriteError>) -> Result<(), WriteError> {
+        let Some(failure) = failure else { return Ok(()) };
+        if failure.path.extension().is_some_and(|end| end == "part") && failure.path.exists() {
+            self.unnamed.push(failure.path.clone());
+        }
+        Err(failure)
     }
 }
 
@@ -148,6 +162,21 @@ fn sync_directory(_: &Path) -> io::Result<()> {
 mod tests {
     use super::*;
     use dissectors::event::Moment;
+
+    #[test]
+    fn files_that_cannot_be_named_are_remembered() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut shelf = Shelf::new(None);
+        let names = [1, 2].map(|number| Names::new(directory.path(), Moment::from_ns(0), number));
+        for names in &names {
+            let file = File::create(&names.part).unwrap();
+            // No file can take the name of a folder.
+            fs::create_dir(&names.whole).unwrap();
+            shelf.put(file, names.clone());
+        }
+        assert_eq!(shelf.settle().unwrap_err().path, names[0].part);
+        assert_eq!(shelf.unnamed, names.map(|names| names.part));
+    }
 
     /// Where none will be deleted, nothing grows with a recording of months.
     #[test]

@@ -12,7 +12,8 @@ use dissectors::uart::Baud;
 const MOST: usize = 1024;
 
 /// What is said of a source with more.
-pub const TOO_MANY: &str = "more interfaces than anybody has: the file is damaged";
+const TOO_MANY: &str =
+    "more than 1024 interfaces, which is as many as fieldtap follows: divide the capture";
 
 /// The buses that appeared so far, and which of them the user asked for.
 pub struct Buses {

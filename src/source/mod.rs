@@ -208,6 +208,22 @@ pub fn open(name: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     }
 }
 
+/// Sources without the files among them that have nothing in them, and a warning of each: whoever
+/// reads a folder of recorded files wants the others. Where there is nothing else, that is an error,
+/// for whoever opens the first to find.
+pub fn without_empty(names: &[String]) -> (Vec<&String>, Vec<SourceError>) {
+    let has_nothing = |name: &&String| {
+        std::fs::metadata(name).is_ok_and(|file| file.is_file() && file.len() == 0)
+    };
+    let (empty, filled): (Vec<_>, Vec<_>) = names.iter().partition(has_nothing);
+    if filled.is_empty() {
+        return (empty, Vec::new());
+    }
+    let what = "there is nothing in it: it is left out";
+    let warnings = empty.into_iter().map(|name| SourceError::new(name, Place::Whole, what));
+    (filled, warnings.collect())
+}
+
 /// Reads a stream that cannot be gone back in, as [`open`] does a file.
 ///
 /// # Errors

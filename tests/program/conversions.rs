@@ -204,3 +204,22 @@ fn what_the_tap_knows_of_parity_is_handed_on() {
     let run = fieldtap(["convert", argument(&early), argument(&scratch.path("early.pcapng"))]);
     assert!(run.status == 3 && run.stderr.contains("1970"), "{}", run.stderr);
 }
+
+/// A limit on the size of files ends a conversion like a full disk, and not the program.
+#[test]
+fn a_file_that_has_no_room_is_not_left_behind() {
+    let scratch = Scratch::new();
+    let (source, output) = (here("captures/good/tr-115200.pcapng"), scratch.path("out/tr.json"));
+    std::fs::create_dir(scratch.path("out")).expect("temporary directories can be made");
+    let program = env!("CARGO_BIN_EXE_fieldtap");
+    // Of 512 bytes, as POSIX has it, or of 1024.
+    let (from, to) = (argument(&source), argument(&output));
+    let command = format!("ulimit -f 4; exec {program} convert {from} {to}");
+    let run = std::process::Command::new("sh").args(["-c", &command]).output();
+    let run = run.expect("sh is there");
+    let told = String::from_utf8(run.stderr).expect("UTF-8");
+    assert_eq!(run.status.code(), Some(3), "{told}");
+    assert!(told.contains("cannot be written"), "{told}");
+    let left = std::fs::read_dir(scratch.path("out")).expect("it is there").count();
+    assert_eq!(left, 0, "{told}");
+}

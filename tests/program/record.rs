@@ -387,6 +387,60 @@ fn what_is_ignored_does_not_end_a_recording() {
     }
 }
 
+/// A deleted file takes all that is written to it: nobody shall record into one for days.
+#[test]
+fn a_recording_ends_where_its_file_is_deleted() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let mut child = start(&["record", "-", "--baud", "115200", "-w", argument(&directory)]);
+    let mut stdin = child.stdin.take().expect("it is piped");
+    let capture = "time,byte,parity\n".to_owned() + &exchange(0, "ok");
+    stdin.write_all(capture.as_bytes()).expect("it reads");
+    wait_for("it records", || directory.exists() && files(&directory).len() == 1);
+    std::fs::remove_dir_all(&directory).expect("it is ours");
+    // More comes, as from a tap: it may end before all of it.
+    for n in 1..60 {
+        std::thread::sleep(Duration::from_millis(50));
+        let _ = stdin.write_all(exchange(n * 50_000_000, "ok").as_bytes());
+    }
+    wait_for("it ends", || child.try_wait().expect("it is ours").is_some());
+    let output = child.wait_with_output().expect("it ended");
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(told.contains("somebody deleted or moved it"), "{told}");
+    assert!(told.contains("; 0 bytes in 0 files;"), "{told}");
+    assert!(told.contains("OPEN   everything: no recorded file is there"), "{told}");
+    assert!(!told.contains("is whole") && !told.contains("fieldtap read"), "{told}");
+}
+
+#[test]
+fn a_recording_says_where_its_source_broke_off() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let log: String = (0..1_100).map(|n| format!("(0.{n:06}) can{n} 123#00\n")).collect();
+    let run = fieldtap_fed(["record", "-", "-w", argument(&directory)], log.as_bytes());
+    assert_eq!(run.status, 3, "{}", run.stderr);
+    let limit = "line 1025: more than 1024 interfaces, which is as many as fieldtap follows";
+    assert!(run.stderr.contains(limit), "{}", run.stderr);
+    assert!(run.stderr.contains("; nothing lost before the source failed\n"), "{}", run.stderr);
+    let open = "OPEN   what comes after the source's failure; everything: a recording is not";
+    assert!(run.stderr.contains(open), "{}", run.stderr);
+}
+
+#[test]
+fn an_empty_file_among_others_is_left_out() {
+    let scratch = Scratch::new();
+    let bytes = |from| format!("time,byte,parity\n{}", exchange(from, "ok"));
+    let first = scratch.file("1.chars", bytes(0));
+    let empty = scratch.file("2.chars", "");
+    let last = scratch.file("3.chars", bytes(1_000_000_000));
+    let run = read(&[first, empty.clone(), last]).good();
+    assert_eq!(run.records().len(), 4);
+    assert!(run.stderr.contains("warning: ") && run.stderr.contains("2.chars: there is nothing"));
+    let run = read(&[empty.clone(), empty]);
+    assert!(run.status == 3 && run.stderr.contains("there is nothing in it"), "{}", run.stderr);
+}
+
 /// A limit on the size of files is met like a full disk.
 #[test]
 fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
@@ -405,8 +459,11 @@ fn a_full_disk_ends_a_recording_and_leaves_what_came_before() {
     assert_eq!(output.status.code(), Some(3), "{told}");
     assert!(told.contains("cannot be written") && told.contains("what came before"), "{told}");
     assert!(told.contains("\nLINE   ok"), "{told}");
+    assert!(told.contains("what was heard last could not be written"), "{told}");
     let files = files(&directory);
     assert!(files.len() == 1 && is_whole(&files[0]), "{files:?}");
+    let length = std::fs::metadata(&files[0]).expect("it is there").len();
+    assert!(told.contains(&format!("; {length} bytes in 1 file;")), "{length}: {told}");
     let records = read(&files).good().records();
     assert!(records.len() > 500, "{}", records.len());
     let whole = read(&[source]);
@@ -447,6 +504,24 @@ fn a_full_file_system() {
     assert!(run.records().len() > 500, "{}", run.records().len());
 }
 
+/// Where not even the first block has room, there is no file that looks like a capture.
+#[test]
+fn a_limit_that_leaves_no_room_leaves_no_file() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let source = scratch.file("long.chars", ninety_seconds(&[]));
+    let program = env!("CARGO_BIN_EXE_fieldtap");
+    let (source, tape) = (argument(&source), argument(&directory));
+    let command = format!("ulimit -f 0; exec {program} record {source} --baud 115200 -w {tape}");
+    // What it says goes through a pipe, which has no such limit.
+    let output = Command::new("sh").args(["-c", &command]).output().expect("sh is there");
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(files(&directory).is_empty(), "{:?}", files(&directory));
+    assert!(told.contains("; 0 bytes in 0 files; what was heard last could not be"), "{told}");
+    assert!(!told.contains("is whole") && !told.contains("fieldtap read"), "{told}");
+}
+
 #[test]
 fn what_cannot_be_recorded_is_refused() {
     let scratch = Scratch::new();
@@ -459,6 +534,9 @@ fn what_cannot_be_recorded_is_refused() {
         #[cfg(target_os = "linux")]
         (&["serial:/dev/absent", "--baud", "115200"], 3, "LINE   not heard: no bus appeared"),
         (&["-", "--ring", "files=3"], 2, "without size or duration"),
+        (&["-", "--ring", "duration=1ms"], 2, "duration is 1s or more"),
+        (&["-", "--trigger", "error", "--before", "-1s"], 2, "-1s is no time such as 30s"),
+        (&["-", "--trigger", "error", "--after", "-1s"], 2, "-1s is no time such as 30s"),
         (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
         (&["-", "--count", "3"], 2, "keeps everything"),
         (&["can:can0", "can:can1"], 2, "one live tap"),

@@ -11,7 +11,7 @@ mod packet;
 #[cfg(test)]
 mod tests;
 
-use super::buses::{Buses, TOO_MANY};
+use super::buses::Buses;
 use super::can::packet as can;
 use super::link::{self, Packet, Tap};
 use super::outbox::{Outbox, Reader};
@@ -162,7 +162,7 @@ impl Listener {
     ) -> Result<(), SourceError> {
         let number = self.interfaces.len();
         if number >= MOST_INTERFACES {
-            return Err(blocks.error(TOO_MANY));
+            return Err(blocks.error("more interfaces than anybody has: the file is damaged"));
         }
         let (link_type, stamps) = (told.link_type, told.stamps);
         let role = match self.tap(told, number, order, out) {
