@@ -29,6 +29,20 @@ fn options_that_fit_nothing_are_told_once_at_the_end() {
 }
 
 #[test]
+fn a_tap_without_its_kind_is_told_how_it_is_written() {
+    for (name, source) in [("can7", "can:can7"), ("ttyUSB77", "serial:/dev/ttyUSB77")] {
+        let run = fieldtap(["read", name]);
+        assert_eq!(run.status, 3, "{}", run.stderr);
+        let told = format!("write {source}; `fieldtap ports` lists what there is");
+        assert!(run.stderr.contains(&told), "{}", run.stderr);
+    }
+    for tap in ["serial:/dev/ttyNone", "slcan:/dev/ttyNone"] {
+        let run = fieldtap(["read", tap]);
+        assert!(run.stderr.contains("`fieldtap ports` lists"), "{}", run.stderr);
+    }
+}
+
+#[test]
 fn a_description_that_is_none_is_refused() {
     let scratch = Scratch::new();
     for content in ["", "neither fish nor fowl", "\u{7f}ELF\0\0", "[readme]\nwords = 1;\n"] {
