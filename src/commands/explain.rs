@@ -104,4 +104,17 @@ mod tests {
             }
         }
     }
+
+    /// What is in force unless somebody said otherwise is no advice.
+    #[test]
+    fn no_cure_advises_a_default() {
+        for code in codes() {
+            for default in ["--checksum auto", "--profile auto", "--invert auto", "--bitrate auto"]
+            {
+                let cures = [code.cure.one, code.cure.all];
+                let advice = cures.iter().chain(code.next);
+                assert!(!advice.into_iter().any(|it| it.contains(default)), "{}", code.name);
+            }
+        }
+    }
 }
