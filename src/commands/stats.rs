@@ -1,5 +1,7 @@
 //! `stats`: stations, findings and response times of a capture.
 
+mod response;
+
 use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
@@ -89,19 +91,6 @@ impl Export for Nowhere {
     }
 }
 
-/// Percentiles that are told of response times.
-fn percentiles(station: &StationTally) -> Option<[(&'static str, u64); 4]> {
-    let times = &station.response_times;
-    (!times.is_empty()).then(|| {
-        [
-            ("min", times.min()),
-            ("median", times.value_at_quantile(0.5)),
-            ("p99", times.value_at_quantile(0.99)),
-            ("max", times.max()),
-        ]
-    })
-}
-
 /// Requests a second.
 fn rate(station: &StationTally) -> Option<f64> {
     let seconds = station.period.length().filter(|ns| *ns > 0)? as f64 / 1e9;
@@ -113,29 +102,31 @@ fn rate(station: &StationTally) -> Option<f64> {
 fn text(outcome: &Outcome) -> String {
     let mut text = String::new();
     let tally = &outcome.tally;
+    let stations = tally.sorted_stations();
+    let [min, median, p99, max] = response::HEADINGS;
     let _ = writeln!(
         text,
-        "{:<8} {:>4} {:>8} {:>8} {:>9}  {:>9} {:>9} {:>9} {:>9}",
-        "bus", "who", "asked", "answered", "per s", "min", "median", "p99", "max"
+        "{:<8} {:>4} {:>8} {:>8} {:>9} {min:>10} {median:>10} {p99:>10} {max:>10}",
+        "bus", "who", "asked", "answered", "per s"
     );
-    for station in &tally.stations {
+    for station in &stations {
         let rate = rate(station).map_or(String::new(), |rate| format!("{rate:.1}"));
         let _ = write!(
             text,
-            "{:<8} {:>4} {:>8} {:>8} {rate:>9} ",
+            "{:<8} {:>4} {:>8} {:>8} {rate:>9}",
             clean(&station.bus),
             station.station,
             station.asked,
             station.answered
         );
-        for (_, ns) in percentiles(station).unwrap_or_default() {
-            let time = Span(ns.cast_signed()).to_string();
-            let _ = write!(text, " {:>9}", if ns == 0 { "" } else { &time });
+        for cell in response::cells(station) {
+            let _ = write!(text, " {cell:>10}");
         }
         let _ = writeln!(text);
     }
-    text.push_str(&positions(&tally.stations));
-    text.push_str(&services(&tally.stations));
+    text.push_str(&response::notes(&stations, outcome.pipeline.buses()));
+    text.push_str(&positions(&stations));
+    text.push_str(&services(&stations));
     let _ =
         writeln!(text, "\n{:<24} {:>4} {:>8} {:<8} when", "finding", "who", "count", "severity");
     for finding in sorted(&tally.findings) {
@@ -205,7 +196,7 @@ fn measured(buses: &[Bus]) -> String {
 }
 
 /// Where stations were; nothing where no record told a position. A String takes any text.
-fn positions(stations: &[StationTally]) -> String {
+fn positions(stations: &[&StationTally]) -> String {
     let mut text = String::new();
     for (station, it) in stations.iter().filter_map(|it| Some((it, it.positions?))) {
         if text.is_empty() {
@@ -220,7 +211,7 @@ fn positions(stations: &[StationTally]) -> String {
 }
 
 /// What stations were asked for; nothing where the protocol has no services.
-fn services(stations: &[StationTally]) -> String {
+fn services(stations: &[&StationTally]) -> String {
     let mut text = String::new();
     for station in stations {
         for (name, count) in &station.services {
@@ -282,7 +273,7 @@ fn as_json(outcome: &Outcome) -> Value {
     json!({
         "records": tally.records,
         "buses": outcome.pipeline.buses().iter().map(bus_json).collect::<Vec<_>>(),
-        "stations": tally.stations.iter().map(station_json).collect::<Vec<_>>(),
+        "stations": tally.sorted_stations().into_iter().map(station_json).collect::<Vec<_>>(),
         "measured": outcome.pipeline.buses().iter().flat_map(measured_json).collect::<Vec<_>>(),
         "findings": sorted(&tally.findings).into_iter().map(finding_json).collect::<Vec<_>>(),
         "withheld": tally.withheld,
@@ -343,8 +334,10 @@ fn profile_json(settings: Vec<Setting>) -> Value {
 }
 
 fn station_json(station: &StationTally) -> Value {
-    let times: Option<Map<String, Value>> = percentiles(station)
-        .map(|times| times.into_iter().map(|(name, ns)| (name.to_owned(), ns.into())).collect());
+    let named = |ns: [u64; 4]| response::HEADINGS.into_iter().zip(ns);
+    let times: Option<Map<String, Value>> = response::percentiles(station)
+        .map(|times| named(times).map(|(name, ns)| (name.to_owned(), ns.into())).collect());
+    let uncertainty = times.is_some().then(|| station.uncertainty_of_response());
     let mut object = json!({
         "bus": station.bus,
         "station": station.station,
@@ -353,6 +346,7 @@ fn station_json(station: &StationTally) -> Value {
         "answers": station.answers,
         "rate_per_s": rate(station),
         "response_time_ns": times,
+        "response_time_uncertainty_ns": uncertainty,
     });
     if let Some(Positions { first, lowest, highest, last, moved }) = station.positions {
         let moved_ns = moved.and_then(|time| time.ns());

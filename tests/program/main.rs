@@ -39,6 +39,7 @@ mod simulate;
 mod snapshots;
 #[cfg(target_os = "linux")]
 mod soak;
+mod stats;
 mod streams;
 mod telegrams;
 #[cfg(target_os = "linux")]
