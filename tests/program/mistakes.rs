@@ -181,13 +181,29 @@ fn end(child: &mut Child) -> (Option<i32>, String) {
 
 /// The last lines say `17 x parity`: that is what people ask for next.
 #[test]
+fn words_of_the_output_are_explained_and_listed() {
+    let list = fieldtap(["explain"]).good().stdout;
+    for word in ["withheld", "suspect", "interpolated", "assumed", "unknown", "±", "lost"]
+        .into_iter()
+        .chain(["kernel", "read", "hardware", "sample", "log"])
+    {
+        let told = fieldtap(["explain", word]).good().stdout;
+        assert!(told.starts_with(&format!("{word}\n")) && told.contains("What follows"), "{told}");
+        assert!(list.lines().any(|line| line.starts_with(&format!("{word} "))), "{word}");
+    }
+    // What a finding is called too is told with it.
+    let lost = fieldtap(["explain", "lost"]).good().stdout;
+    assert!(lost.contains("\nuart.lost (warning)\n"), "{lost}");
+}
+
+#[test]
 fn a_finding_is_explained_by_its_short_name() {
     let whole = fieldtap(["explain", "slin.parity"]).good().stdout;
     assert_eq!(fieldtap(["explain", "parity"]).good().stdout, whole);
     let run = fieldtap(["explain", "crc"]);
     assert!(run.status == 2 && run.stderr.contains("interbus.crc, can.crc"), "{}", run.stderr);
     let run = fieldtap(["explain", "nonsense"]);
-    assert!(run.status == 2 && run.stderr.contains("there is no finding nonsense"));
+    assert!(run.status == 2 && run.stderr.contains("there is no finding or word nonsense"));
 }
 
 #[test]
