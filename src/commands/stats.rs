@@ -58,6 +58,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     let mut nowhere = Nowhere;
     let outcome = decode(decoding, &arguments.sources, settings, &mut nowhere).ended_as_meant();
     let text = match arguments.format {
+        _ if outcome.is_unopened() => String::new(),
         Form::Text => text(&outcome),
         Form::Json => format!("{:#}\n", as_json(&outcome)),
     };

@@ -42,6 +42,27 @@ fn a_tap_without_its_kind_is_told_how_it_is_written() {
     }
 }
 
+/// Four lines that know nothing would push the one that does off the screen.
+#[test]
+fn of_a_source_that_cannot_be_opened_only_the_reason_is_told() {
+    let scratch = Scratch::new();
+    let log = scratch.file("a.log", FRAMES);
+    for command in ["read", "stats"] {
+        let run = fieldtap([command, "/nowhere/bus.sr"]);
+        assert_eq!((run.status, run.stdout.as_str()), (3, ""), "{}", run.stderr);
+        let lines: Vec<&str> = run.stderr.lines().collect();
+        assert!(lines.len() == 1 && lines[0].contains("there is no such file"), "{lines:?}");
+        // What was read before is summed up.
+        let run = fieldtap([command, argument(&log), "/nowhere/bus.sr"]);
+        assert_eq!(run.status, 3, "{}", run.stderr);
+        assert!(
+            run.stderr.contains("LINE   ok") && run.stderr.contains("OPEN   "),
+            "{}",
+            run.stderr
+        );
+    }
+}
+
 #[test]
 fn a_description_that_is_none_is_refused() {
     let scratch = Scratch::new();
