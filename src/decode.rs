@@ -197,7 +197,7 @@ pub fn decode(
     // A tap has no more to tell than what was heard until then.
     let is_cut = is_interrupted && !sources.iter().all(|name| source::live::is_tap(name));
     pipeline.finish(&mut desk);
-    if desk.output.is_ok() {
+    if desk.output.is_ok() && !is_unopened {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
     }
     let Desk { tally, clock, output, is_live, .. } = desk;

@@ -6,6 +6,7 @@ use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
 use crate::say;
+use crate::source::live::is_tap;
 use crate::tally::{FindingTally, Period, Positions, StationTally};
 use crate::terminal::clean;
 use crate::verdict::Learned;
@@ -55,7 +56,8 @@ pub fn run(arguments: &Arguments) -> ExitCode {
             return ExitCode::from(USAGE);
         }
     };
-    let mut nowhere = Nowhere;
+    let is_live = arguments.sources.iter().any(|name| is_tap(name));
+    let mut nowhere = Nowhere { is_to_announce: is_live && !decoding.quiet };
     let outcome = decode(decoding, &arguments.sources, settings, &mut nowhere).ended_as_meant();
     let text = match arguments.format {
         _ if outcome.is_unopened() => String::new(),
@@ -76,14 +78,21 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 }
 
 /// Statistics need no record but in passing.
-struct Nowhere;
+struct Nowhere {
+    /// It is still to be said that nothing is shown until the end.
+    is_to_announce: bool,
+}
 
 impl Sink for Nowhere {
     fn record(&mut self, _: &Record<'_>) {}
 }
 
 impl Export for Nowhere {
+    /// Asked first when the source was opened.
     fn status(&mut self) -> io::Result<()> {
+        if std::mem::take(&mut self.is_to_announce) {
+            say!("fieldtap: counting; Ctrl-C shows the tables");
+        }
         Ok(())
     }
 

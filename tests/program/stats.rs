@@ -42,3 +42,30 @@ fn scripts_are_told_the_uncertainty() {
     assert_eq!(told["stations"][0]["response_time_uncertainty_ns"], 2_000_000);
     assert!(told["stations"][1]["response_time_uncertainty_ns"].is_null());
 }
+
+/// Who sees nothing for minutes takes it for hung.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_tap_is_said_to_be_counted_before_anything_is_shown() {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+    let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
+        .expect("a pseudo terminal");
+    grantpt(&line).expect("it is ours");
+    unlockpt(&line).expect("it is ours");
+    let port = ptsname(&line, Vec::new()).expect("it has a name").into_string().expect("UTF-8");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fieldtap"))
+        .args(["stats", "--baud", "115200", &format!("serial:{port}")])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program is there");
+    let mut told = BufReader::new(child.stderr.take().expect("it is piped")).lines();
+    let first = told.next().expect("a line").expect("UTF-8");
+    assert_eq!(first, "fieldtap: counting; Ctrl-C shows the tables");
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("kill is there").success());
+    assert!(told.any(|line| line.expect("UTF-8").starts_with("OPEN ")));
+    assert_eq!(child.wait().expect("it ends").code(), Some(0));
+}
