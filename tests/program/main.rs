@@ -6,6 +6,7 @@ extern crate dissectors as fieldtap_dissectors;
 mod account;
 mod can;
 mod captures;
+mod channels;
 mod conversions;
 mod devicenet;
 mod devices;
