@@ -47,6 +47,8 @@ pub struct Outcome {
     /// How times are shown.
     pub clock: Clock,
     error: Option<SourceError>,
+    /// No source could be opened: there is nothing to sum up.
+    is_unopened: bool,
     output: io::Result<()>,
     is_interrupted: bool,
     /// A source would have had more to tell when the user interrupted.
@@ -64,6 +66,11 @@ impl Outcome {
     /// Whether nobody reads what is written: then nothing is said any more.
     pub fn is_pipe_closed(&self) -> bool {
         self.output.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// Whether no source could be opened, so that there is nothing to sum up.
+    pub fn is_unopened(&self) -> bool {
+        self.is_unopened
     }
 
     /// Whether the output could be written, as far as the source went.
@@ -108,7 +115,8 @@ impl Outcome {
         if let Some(error) = &self.error {
             say!("fieldtap: {error}");
         }
-        if !self.is_quiet {
+        // Lines that say of everything that it is not known would push the reason off the screen.
+        if !self.is_quiet && !self.is_unopened {
             for (heading, text) in self.verdict().lines() {
                 say!("{heading:<6} {text}");
             }
@@ -174,21 +182,24 @@ pub fn decode(
     let options = source_options(decoding);
     let (sources, empty) = source::without_empty(sources);
     empty.iter().for_each(|warning| desk.warn(warning));
-    let mut error = None;
+    let (mut error, mut is_opened) = (None, false);
     for name in &sources {
-        let passed = source::open(name, &options)
-            .and_then(|mut source| pipeline.pass(&mut *source, &mut desk));
+        let passed = source::open(name, &options).and_then(|mut source| {
+            is_opened = true;
+            pipeline.pass(&mut *source, &mut desk)
+        });
         if let Err(stopped) = passed {
             // What an interruption cuts is not the source's fault.
             error = Some(stopped).filter(|_| !interrupt::came());
             break;
         }
     }
+    let is_unopened = error.is_some() && !is_opened;
     let is_interrupted = interrupt::came();
     // A tap has no more to tell than what was heard until then.
     let is_cut = is_interrupted && !sources.iter().all(|name| source::live::is_tap(name));
     pipeline.finish(&mut desk);
-    if desk.output.is_ok() {
+    if desk.output.is_ok() && !is_unopened {
         desk.output = desk.export.status().and_then(|()| desk.export.flush());
     }
     let Desk { tally, clock, output, is_live, .. } = desk;
@@ -202,6 +213,7 @@ pub fn decode(
         pipeline,
         clock,
         error,
+        is_unopened,
         output,
         is_interrupted,
         is_cut,

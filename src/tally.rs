@@ -58,6 +58,8 @@ pub struct StationTally {
     pub period: Period,
     /// Its response times in ns.
     pub response_times: Histogram<u32>,
+    /// Largest ± of the stamps that these were taken from, in ns.
+    uncertainty: u32,
     /// Where it was.
     pub positions: Option<Positions>,
     /// What it was asked for, by name, in the order that was first done.
@@ -162,6 +164,11 @@ struct Places {
 }
 
 impl StationTally {
+    /// ± of its response times in ns: that of the request's stamp and that of the answer's.
+    pub fn uncertainty_of_response(&self) -> i64 {
+        2 * i64::from(self.uncertainty)
+    }
+
     fn add_turn(&mut self, record: &Record<'_>) {
         self.period.add(record.start);
         if record.turn == Turn::Asks {
@@ -185,6 +192,7 @@ impl StationTally {
             }
             self.answered += 1;
             if let Value::Int(ns) = record.by_role(Role::ResponseTime) {
+                self.uncertainty = self.uncertainty.max(record.uncertainty);
                 // The histogram grows with its values.
                 let _ = self.response_times.record(u64::try_from(ns).unwrap_or(0));
             }
@@ -218,6 +226,13 @@ impl Tally {
         bits.is_none_or(|bits| bits & (1 << (station % 64)) != 0)
     }
 
+    /// The stations by bus and number.
+    pub fn sorted_stations(&self) -> Vec<&StationTally> {
+        let mut stations: Vec<&StationTally> = self.stations.iter().collect();
+        stations.sort_by_key(|it| (&it.bus, it.station));
+        stations
+    }
+
     /// The numbers of these stations, lowest first.
     pub fn heard(&self) -> impl Iterator<Item = u16> {
         (0..64 * self.heard.len() as u16).filter(|station| self.has_heard(*station))
@@ -243,6 +258,7 @@ impl Tally {
                 answers: 0,
                 period: Period::NEVER,
                 response_times: histogram(),
+                uncertainty: 0,
                 positions: None,
                 services: Vec::new(),
                 open: [0; OPEN],

@@ -109,7 +109,8 @@ pub struct Decoding {
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named(&Profile::NAMES), help_heading = "SLIN")]
     pub profile: Profile,
 
-    /// SLIN: how encoders add up their checksum, instead of what the profile says.
+    /// SLIN: how encoders add up their checksum. Default: as the profile says; with --profile auto
+    /// it is found from the traffic, as it is with auto here.
     #[arg(long, value_name = "RULE", value_parser = named(&CHECKSUMS), help_heading = "SLIN")]
     pub checksum: Option<ChecksumChoice>,
 

@@ -1,10 +1,13 @@
 //! `explain`: what a finding means, and what to do at the machine.
 
+mod glossary;
+
 use crate::decode::USAGE;
 use crate::say;
 use clap::Args;
 use dissectors::finding::Code;
 use dissectors::protocol::codes;
+use glossary::{WORDS, Word, word};
 use std::process::ExitCode;
 
 /// Columns of a line of text.
@@ -13,8 +16,8 @@ const WIDTH: usize = 96;
 /// Which finding.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// A finding's code, such as slin.checksum, or what is behind its point. Without one, all are
-    /// listed.
+    /// A finding's code, such as slin.checksum, or what is behind its point; or a word such as
+    /// withheld. Without one, all are listed.
     code: Option<String>,
 }
 
@@ -24,7 +27,9 @@ pub fn run(arguments: &Arguments) -> ExitCode {
         let list = codes().map(|code| {
             format!("{:<24} {:<8} {}\n", code.name, code.severity.name(), code.meaning)
         });
-        return super::print(&list.collect::<String>());
+        let words = WORDS.iter().map(|word| format!("{:<24} {}\n", word.name, word.meaning));
+        let heading = "\nWords that stand beside them\n".to_owned();
+        return super::print(&list.chain([heading]).chain(words).collect::<String>());
     };
     match codes().find(|code| code.name == name) {
         Some(code) => super::print(&explanation(code)),
@@ -36,19 +41,31 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 fn explain_short(name: &str) -> ExitCode {
     let has = |code: &&Code| code.name.rsplit('.').next() == Some(name);
     let mut found: Vec<&Code> = codes().filter(has).collect();
-    if let [code] = found[..] {
-        return super::print(&explanation(code));
+    let word = word(name);
+    match (word, &found[..]) {
+        (Some(word), []) => return super::print(&definition(word)),
+        (Some(word), codes) => {
+            let texts = codes.iter().map(|code| format!("\n{}", explanation(code)));
+            return super::print(&(definition(word) + &texts.collect::<String>()));
+        }
+        (None, [code]) => return super::print(&explanation(code)),
+        (None, _) => {}
     }
     if found.is_empty() && !name.is_empty() {
         found = codes().filter(|code| code.name.contains(name)).collect();
     }
     if found.is_empty() {
-        say!("fieldtap: there is no finding {name}: `fieldtap explain` lists them");
+        say!("fieldtap: there is no finding or word {name}: `fieldtap explain` lists them");
     } else {
         let names: Vec<&str> = found.iter().map(|code| code.name).collect();
         say!("fieldtap: {name} is not all of a finding's name: {}", names.join(", "));
     }
     ExitCode::from(USAGE)
+}
+
+fn definition(word: &Word) -> String {
+    let what_follows = wrapped(word.next, "  ", "  ");
+    format!("{}\n{}\nWhat follows\n{what_follows}", word.name, wrapped(word.meaning, "", ""))
 }
 
 fn explanation(code: &Code) -> String {
@@ -101,6 +118,27 @@ mod tests {
             assert!(!code.cure.one.is_empty() && !code.cure.all.is_empty(), "{}", code.name);
             for line in text.lines() {
                 assert!(line.chars().count() <= WIDTH, "{line}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_word_fits() {
+        for word in &WORDS {
+            let text = definition(word);
+            assert!(text.lines().all(|line| line.chars().count() <= WIDTH), "{text}");
+        }
+    }
+
+    /// What is in force unless somebody said otherwise is no advice.
+    #[test]
+    fn no_cure_advises_a_default() {
+        for code in codes() {
+            for default in ["--checksum auto", "--profile auto", "--invert auto", "--bitrate auto"]
+            {
+                let cures = [code.cure.one, code.cure.all];
+                let advice = cures.iter().chain(code.next);
+                assert!(!advice.into_iter().any(|it| it.contains(default)), "{}", code.name);
             }
         }
     }

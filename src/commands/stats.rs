@@ -1,9 +1,12 @@
 //! `stats`: stations, findings and response times of a capture.
 
+mod response;
+
 use crate::cli::Decoding;
 use crate::decode::{FAILED, Outcome, USAGE, decode, settings};
 use crate::export::Export;
 use crate::say;
+use crate::source::live::is_tap;
 use crate::stdout::Stdout;
 use crate::tally::{FindingTally, Period, Positions, StationTally};
 use crate::terminal::clean;
@@ -54,9 +57,11 @@ pub fn run(arguments: &Arguments) -> ExitCode {
             return ExitCode::from(USAGE);
         }
     };
-    let mut nowhere = Nowhere;
+    let is_live = arguments.sources.iter().any(|name| is_tap(name));
+    let mut nowhere = Nowhere { is_to_announce: is_live && !decoding.quiet };
     let outcome = decode(decoding, &arguments.sources, settings, &mut nowhere).ended_as_meant();
     let text = match arguments.format {
+        _ if outcome.is_unopened() => String::new(),
         Form::Text => text(&outcome),
         Form::Json => format!("{:#}\n", as_json(&outcome)),
     };
@@ -74,33 +79,27 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 }
 
 /// Statistics need no record but in passing.
-struct Nowhere;
+struct Nowhere {
+    /// It is still to be said that nothing is shown until the end.
+    is_to_announce: bool,
+}
 
 impl Sink for Nowhere {
     fn record(&mut self, _: &Record<'_>) {}
 }
 
 impl Export for Nowhere {
+    /// Asked first when the source was opened.
     fn status(&mut self) -> io::Result<()> {
+        if std::mem::take(&mut self.is_to_announce) {
+            say!("fieldtap: counting; Ctrl-C shows the tables");
+        }
         Ok(())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
-}
-
-/// Percentiles that are told of response times.
-fn percentiles(station: &StationTally) -> Option<[(&'static str, u64); 4]> {
-    let times = &station.response_times;
-    (!times.is_empty()).then(|| {
-        [
-            ("min", times.min()),
-            ("median", times.value_at_quantile(0.5)),
-            ("p99", times.value_at_quantile(0.99)),
-            ("max", times.max()),
-        ]
-    })
 }
 
 /// Requests a second.
@@ -114,29 +113,31 @@ fn rate(station: &StationTally) -> Option<f64> {
 fn text(outcome: &Outcome) -> String {
     let mut text = String::new();
     let tally = &outcome.tally;
+    let stations = tally.sorted_stations();
+    let [min, median, p99, max] = response::HEADINGS;
     let _ = writeln!(
         text,
-        "{:<8} {:>4} {:>8} {:>8} {:>9}  {:>9} {:>9} {:>9} {:>9}",
-        "bus", "who", "asked", "answered", "per s", "min", "median", "p99", "max"
+        "{:<8} {:>4} {:>8} {:>8} {:>9} {min:>10} {median:>10} {p99:>10} {max:>10}",
+        "bus", "who", "asked", "answered", "per s"
     );
-    for station in &tally.stations {
+    for station in &stations {
         let rate = rate(station).map_or(String::new(), |rate| format!("{rate:.1}"));
         let _ = write!(
             text,
-            "{:<8} {:>4} {:>8} {:>8} {rate:>9} ",
+            "{:<8} {:>4} {:>8} {:>8} {rate:>9}",
             clean(&station.bus),
             station.station,
             station.asked,
             station.answered
         );
-        for (_, ns) in percentiles(station).unwrap_or_default() {
-            let time = Span(ns.cast_signed()).to_string();
-            let _ = write!(text, " {:>9}", if ns == 0 { "" } else { &time });
+        for cell in response::cells(station) {
+            let _ = write!(text, " {cell:>10}");
         }
         let _ = writeln!(text);
     }
-    text.push_str(&positions(&tally.stations));
-    text.push_str(&services(&tally.stations));
+    text.push_str(&response::notes(&stations, outcome.pipeline.buses()));
+    text.push_str(&positions(&stations));
+    text.push_str(&services(&stations));
     let _ =
         writeln!(text, "\n{:<24} {:>4} {:>8} {:<8} when", "finding", "who", "count", "severity");
     for finding in sorted(&tally.findings) {
@@ -206,7 +207,7 @@ fn measured(buses: &[Bus]) -> String {
 }
 
 /// Where stations were; nothing where no record told a position. A String takes any text.
-fn positions(stations: &[StationTally]) -> String {
+fn positions(stations: &[&StationTally]) -> String {
     let mut text = String::new();
     for (station, it) in stations.iter().filter_map(|it| Some((it, it.positions?))) {
         if text.is_empty() {
@@ -221,7 +222,7 @@ fn positions(stations: &[StationTally]) -> String {
 }
 
 /// What stations were asked for; nothing where the protocol has no services.
-fn services(stations: &[StationTally]) -> String {
+fn services(stations: &[&StationTally]) -> String {
     let mut text = String::new();
     for station in stations {
         for (name, count) in &station.services {
@@ -283,7 +284,7 @@ fn as_json(outcome: &Outcome) -> Value {
     json!({
         "records": tally.records,
         "buses": outcome.pipeline.buses().iter().map(bus_json).collect::<Vec<_>>(),
-        "stations": tally.stations.iter().map(station_json).collect::<Vec<_>>(),
+        "stations": tally.sorted_stations().into_iter().map(station_json).collect::<Vec<_>>(),
         "measured": outcome.pipeline.buses().iter().flat_map(measured_json).collect::<Vec<_>>(),
         "findings": sorted(&tally.findings).into_iter().map(finding_json).collect::<Vec<_>>(),
         "withheld": tally.withheld,
@@ -344,8 +345,10 @@ fn profile_json(settings: Vec<Setting>) -> Value {
 }
 
 fn station_json(station: &StationTally) -> Value {
-    let times: Option<Map<String, Value>> = percentiles(station)
-        .map(|times| times.into_iter().map(|(name, ns)| (name.to_owned(), ns.into())).collect());
+    let named = |ns: [u64; 4]| response::HEADINGS.into_iter().zip(ns);
+    let times: Option<Map<String, Value>> = response::percentiles(station)
+        .map(|times| named(times).map(|(name, ns)| (name.to_owned(), ns.into())).collect());
+    let uncertainty = times.is_some().then(|| station.uncertainty_of_response());
     let mut object = json!({
         "bus": station.bus,
         "station": station.station,
@@ -354,6 +357,7 @@ fn station_json(station: &StationTally) -> Value {
         "answers": station.answers,
         "rate_per_s": rate(station),
         "response_time_ns": times,
+        "response_time_uncertainty_ns": uncertainty,
     });
     if let Some(Positions { first, lowest, highest, last, moved }) = station.positions {
         let moved_ns = moved.and_then(|time| time.ns());

@@ -59,9 +59,11 @@ fn capture_into(call: &Call, fifo: &Fifo) -> anyhow::Result<ExitCode> {
     live.say(format!("listening to {source}"));
     live.flush()?;
     let outcome = decode(&decoding, &[source], settings, &mut live);
-    outcome.conclusions().for_each(|line| live.say(line));
-    let verdict = outcome.verdict();
-    verdict.lines().iter().for_each(|(heading, text)| live.say(format!("{heading:<6} {text}")));
+    if !outcome.is_unopened() {
+        outcome.conclusions().for_each(|line| live.say(line));
+        let verdict = outcome.verdict();
+        verdict.lines().iter().for_each(|(heading, text)| live.say(format!("{heading:<6} {text}")));
+    }
     if let Some(log) = live.log.take() {
         log.end();
     }

@@ -83,19 +83,23 @@ fn chosen(call: &Call) -> Result<String, String> {
     if let Some(source) = call.value("--source").or_else(tap) {
         return Ok(source.to_owned());
     }
-    let ports = ports();
+    Err(choose(ports()))
+}
+
+/// How a source is chosen. The only one there is is not taken for the one that is meant: a computer
+/// may have a port of its own, and who waits for it to speak sees nothing at all.
+fn choose(ports: Ports) -> String {
     let sources = ports.serial.into_iter().map(|port| port.source);
     let sources: Vec<String> = sources.chain(ports.can.into_iter().map(|can| can.source)).collect();
-    match &sources[..] {
-        [only] => Ok(only.clone()),
-        [] => Err("there is neither a serial port nor a CAN interface: plug one in".to_owned()),
-        several => Err(format!(
-            "which of {}? Choose it in the options of the interface; with tshark, -o \
-             extcap.fieldtap.source:{}",
-            several.join(", "),
-            several[0]
-        )),
-    }
+    let first = sources.first().map_or("serial:/dev/ttyUSB0", String::as_str);
+    let there = match &sources[..] {
+        [] => "there is neither a serial port nor a CAN interface now".to_owned(),
+        sources => format!("there is {}", sources.join(", ")),
+    };
+    format!(
+        "choose a source: -o extcap.fieldtap.source:{first} with tshark, the options of the interface \
+         in Wireshark; {there}"
+    )
 }
 
 #[cfg(test)]
@@ -127,5 +131,14 @@ mod tests {
         assert_eq!(source_of(any).as_deref(), Ok("can:can0"));
         let named = format!("{any} --source a.pcapng");
         assert_eq!(source_of(&named).as_deref(), Ok("a.pcapng"));
+    }
+
+    #[test]
+    fn nothing_is_listened_to_that_nobody_chose() {
+        let any = "--capture --extcap-interface fieldtap --fifo f --baud auto";
+        let told = source_of(any).expect_err("nobody said what");
+        assert!(told.starts_with("choose a source: -o extcap.fieldtap.source:"), "{told}");
+        let none = choose(Ports { serial: Vec::new(), can: Vec::new() });
+        assert!(none.contains("source:serial:/dev/ttyUSB0 with tshark"), "{none}");
     }
 }

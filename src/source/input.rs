@@ -1,6 +1,6 @@
 //! A file or standard input, with its first bytes looked at.
 
-use super::{Place, SourceError};
+use super::{Place, SourceError, misnamed};
 use crate::interrupt::Live;
 use std::fs::File;
 use std::io::{self, Read};
@@ -26,13 +26,16 @@ impl Input {
     /// Opens `name`, or standard input for `-`, and looks at the first bytes.
     ///
     /// # Errors
-    /// It is not there, may not be read, is a directory, or has nothing in it.
+    /// It is not there, may not be read, is a directory or a serial port, or has nothing in it.
     pub fn open(name: &str) -> Result<Input, SourceError> {
         if name == "-" {
             return Input::of("standard input", Live(io::stdin()));
         }
+        if let Some(what) = misnamed::serial_port(name) {
+            return Err(SourceError::new(name, Place::Whole, what));
+        }
         let whole = |cause| SourceError::io(name, Place::Whole, cause);
-        let file = open(name).map_err(whole)?;
+        let file = open(name).map_err(|cause| absent(name, whole(cause)))?;
         let kind = file.metadata().map_err(whole)?.file_type();
         if kind.is_dir() {
             return Err(whole(io::ErrorKind::IsADirectory.into()));
@@ -116,6 +119,19 @@ fn open(name: &str) -> io::Result<File> {
         }
     }
     options.open(name)
+}
+
+/// What is not there may be a tap that was named like a file.
+fn absent(name: &str, error: SourceError) -> SourceError {
+    let is_absent =
+        error.cause.as_ref().is_some_and(|cause| cause.kind() == io::ErrorKind::NotFound);
+    match misnamed::tap(name).filter(|_| is_absent) {
+        Some(instead) => {
+            let what = format!("there is no such file: {instead}");
+            SourceError::new(name, Place::Whole, what)
+        }
+        None => error,
+    }
 }
 
 impl Read for Input {

@@ -16,6 +16,7 @@ mod link;
 pub mod live;
 mod logic;
 mod marks;
+mod misnamed;
 mod numbers;
 mod outbox;
 mod parmrk;

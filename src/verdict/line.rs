@@ -1,9 +1,10 @@
 //! LINE: is the line all right?
 
+use super::names::together;
 use super::{Cut, counted};
 use dissectors::bus::{Bus, LineCounts};
 use dissectors::can::Load;
-use dissectors::protocol::Medium;
+use dissectors::protocol::{Conclusion, Medium};
 use dissectors::uart::{Baud, Wire};
 use std::fmt::Write;
 
@@ -13,11 +14,37 @@ pub fn line(buses: &[Bus], several: bool, cut: Option<Cut>) -> String {
         Some(Cut::Failure) => return "not known: the source failed".to_owned(),
         Some(Cut::Interruption) | None => return "silent: nothing was heard".to_owned(),
     }
-    let texts = buses.iter().map(|bus| {
-        let name = if several { format!("{} ", bus.info().name) } else { String::new() };
-        name + &line_of(bus)
-    });
-    texts.collect::<Vec<_>>().join("; ")
+    if !several {
+        return buses.iter().map(line_of).collect();
+    }
+    // Silent channels stand together, and so do those that cannot be read.
+    let mut texts: Vec<(String, Vec<&str>)> = Vec::new();
+    let (unread, read): (Vec<&Bus>, Vec<&Bus>) = buses.iter().partition(|bus| is_unread(bus));
+    for bus in read {
+        let (text, name) = (line_of(bus), bus.info().name.as_str());
+        let is_same = |(known, _): &&mut (String, _)| *known == text && text.starts_with("silent");
+        match texts.iter_mut().find(is_same) {
+            Some((_, names)) => names.push(name),
+            None => texts.push((text, vec![name])),
+        }
+    }
+    let texts = texts.iter().map(|(text, names)| format!("{} {text}", together(names)));
+    texts.chain(unreadable(&unread)).collect::<Vec<_>>().join("; ")
+}
+
+/// Whether levels changed there, but no setting makes characters of it.
+pub fn is_unread(bus: &Bus) -> bool {
+    let LineCounts { characters, damaged, frames, rows, cycles, .. } = bus.counts();
+    let is_open = |it: &Conclusion| it.subject == "baud" && it.value.is_none();
+    frames + rows + cycles == 0
+        && (characters == 0 || damaged.saturating_mul(2) > characters)
+        && bus.conclusions().iter().any(is_open)
+}
+
+/// What is said of these, if there are any.
+pub fn unreadable(unread: &[&Bus]) -> Option<String> {
+    let names: Vec<&str> = unread.iter().map(|bus| bus.info().name.as_str()).collect();
+    (!names.is_empty()).then(|| format!("{}: nothing that can be read", together(&names)))
 }
 
 fn line_of(bus: &Bus) -> String {

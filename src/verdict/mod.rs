@@ -4,6 +4,7 @@
 
 mod learned;
 mod line;
+mod names;
 mod open;
 mod who;
 mod wrong;

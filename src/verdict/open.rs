@@ -1,6 +1,6 @@
 //! OPEN: what could not be judged, and why?
 
-use super::line::is_can;
+use super::line::{is_can, is_unread, unreadable};
 use super::{Cut, Learned, counted};
 use crate::pipeline::Pipeline;
 use crate::tally::Tally;
@@ -75,9 +75,16 @@ pub fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     let is_told = ["window", "bitrate", "time unit"];
     let undecided =
         |learned: &Learned| learned.value.is_none() && !is_told.contains(&learned.subject);
-    for learned in buses.iter().flat_map(Learned::of).filter(undecided) {
-        open.push(learned.question());
+    let several = buses.len() > 1;
+    let (unread, read): (Vec<&Bus>, Vec<&Bus>) =
+        buses.iter().partition(|bus| several && is_unread(bus));
+    for bus in read {
+        let name = if several { format!("{} ", bus.info().name) } else { String::new() };
+        for learned in Learned::of(bus).iter().filter(|learned| undecided(learned)) {
+            open.push(format!("{name}{}", learned.question()));
+        }
     }
+    open.extend(unreadable(&unread));
     if open.is_empty() { "nothing".to_owned() } else { open.join("; ") }
 }
 

@@ -224,6 +224,7 @@ fn wireshark_shows_what_is_wrong_and_does_not_hang() {
     let Some(home) = Home::new() else { return };
     for (options, told) in [
         (&[("source", "/nowhere/bus.sr")][..], "/nowhere/bus.sr: there is no such file"),
+        (&[], "choose a source: -o extcap.fieldtap.source:"),
         (&[("source", "can:nosuchcan0")], "fieldtap: "),
         (&[("source", "a.pcapng"), ("baud", "12x")], "not a rate in Bd"),
     ] {

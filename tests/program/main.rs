@@ -6,6 +6,7 @@ extern crate dissectors as fieldtap_dissectors;
 mod account;
 mod can;
 mod captures;
+mod channels;
 mod conversions;
 mod devicenet;
 mod devices;
@@ -39,6 +40,7 @@ mod simulate;
 mod snapshots;
 #[cfg(target_os = "linux")]
 mod soak;
+mod stats;
 mod streams;
 mod telegrams;
 #[cfg(target_os = "linux")]

@@ -29,6 +29,41 @@ fn options_that_fit_nothing_are_told_once_at_the_end() {
 }
 
 #[test]
+fn a_tap_without_its_kind_is_told_how_it_is_written() {
+    for (name, source) in [("can7", "can:can7"), ("ttyUSB77", "serial:/dev/ttyUSB77")] {
+        let run = fieldtap(["read", name]);
+        assert_eq!(run.status, 3, "{}", run.stderr);
+        let told = format!("write {source}; `fieldtap ports` lists what there is");
+        assert!(run.stderr.contains(&told), "{}", run.stderr);
+    }
+    for tap in ["serial:/dev/ttyNone", "slcan:/dev/ttyNone"] {
+        let run = fieldtap(["read", tap]);
+        assert!(run.stderr.contains("`fieldtap ports` lists"), "{}", run.stderr);
+    }
+}
+
+/// Four lines that know nothing would push the one that does off the screen.
+#[test]
+fn of_a_source_that_cannot_be_opened_only_the_reason_is_told() {
+    let scratch = Scratch::new();
+    let log = scratch.file("a.log", FRAMES);
+    for command in ["read", "stats"] {
+        let run = fieldtap([command, "/nowhere/bus.sr"]);
+        assert_eq!((run.status, run.stdout.as_str()), (3, ""), "{}", run.stderr);
+        let lines: Vec<&str> = run.stderr.lines().collect();
+        assert!(lines.len() == 1 && lines[0].contains("there is no such file"), "{lines:?}");
+        // What was read before is summed up.
+        let run = fieldtap([command, argument(&log), "/nowhere/bus.sr"]);
+        assert_eq!(run.status, 3, "{}", run.stderr);
+        assert!(
+            run.stderr.contains("LINE   ok") && run.stderr.contains("OPEN   "),
+            "{}",
+            run.stderr
+        );
+    }
+}
+
+#[test]
 fn a_description_that_is_none_is_refused() {
     let scratch = Scratch::new();
     for content in ["", "neither fish nor fowl", "\u{7f}ELF\0\0", "[readme]\nwords = 1;\n"] {
@@ -186,13 +221,29 @@ fn end(child: &mut Child) -> (Option<i32>, String) {
 
 /// The last lines say `17 x parity`: that is what people ask for next.
 #[test]
+fn words_of_the_output_are_explained_and_listed() {
+    let list = fieldtap(["explain"]).good().stdout;
+    for word in ["withheld", "suspect", "interpolated", "assumed", "unknown", "±", "lost"]
+        .into_iter()
+        .chain(["kernel", "read", "hardware", "sample", "log"])
+    {
+        let told = fieldtap(["explain", word]).good().stdout;
+        assert!(told.starts_with(&format!("{word}\n")) && told.contains("What follows"), "{told}");
+        assert!(list.lines().any(|line| line.starts_with(&format!("{word} "))), "{word}");
+    }
+    // What a finding is called too is told with it.
+    let lost = fieldtap(["explain", "lost"]).good().stdout;
+    assert!(lost.contains("\nuart.lost (warning)\n"), "{lost}");
+}
+
+#[test]
 fn a_finding_is_explained_by_its_short_name() {
     let whole = fieldtap(["explain", "slin.parity"]).good().stdout;
     assert_eq!(fieldtap(["explain", "parity"]).good().stdout, whole);
     let run = fieldtap(["explain", "crc"]);
     assert!(run.status == 2 && run.stderr.contains("interbus.crc, can.crc"), "{}", run.stderr);
     let run = fieldtap(["explain", "nonsense"]);
-    assert!(run.status == 2 && run.stderr.contains("there is no finding nonsense"));
+    assert!(run.status == 2 && run.stderr.contains("there is no finding or word nonsense"));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A live serial port, played by a pseudo terminal: its master is the line.
 
 use crate::harness::{Run, codes, fieldtap};
+use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fd::OwnedFd;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{InputModes, tcgetattr};
@@ -205,4 +206,24 @@ fn a_second_reader_is_told_who_has_the_port() {
     assert!(second.stderr.contains(&holder), "{}", second.stderr);
     tap.interrupt();
     assert_eq!(tap.end().status, 130);
+}
+
+/// To open it like a file would raise RTS and DTR, and lock nothing: it is refused before.
+#[test]
+fn a_port_that_is_named_like_a_file_is_refused_and_not_opened() {
+    let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
+        .expect("a pseudo terminal");
+    grantpt(&line).expect("it is ours");
+    unlockpt(&line).expect("it is ours");
+    let port = ptsname(&line, Vec::new()).expect("it has a name").into_string().expect("UTF-8");
+    for arguments in [&["read", &port][..], &["stats", "--input-format", "bytes", &port]] {
+        let run = fieldtap(arguments);
+        assert_eq!(run.status, 3, "{}", run.stderr);
+        let told = format!("{port}: this is a serial port: write serial:{port}");
+        assert!(run.stderr.contains(&told), "{}", run.stderr);
+    }
+    // Where nobody ever opened the other end, its master hears no hangup (pty(7)).
+    let mut poll = [PollFd::new(&line, PollFlags::IN)];
+    rustix::event::poll(&mut poll, Some(&Timespec::default())).expect("it is open");
+    assert!(!poll[0].revents().contains(PollFlags::HUP), "it was opened");
 }

@@ -55,5 +55,5 @@ fn another_profile_is_no_other_protocol() {
     let capture = here("captures/good/tr.sr");
     let run = fieldtap(["stats", argument(&capture), "--profile", "baumer"]).good();
     assert!(run.stderr.contains("x missing-footer"), "{}", run.stderr);
-    assert!(run.stderr.contains("-> read with --profile auto"), "{}", run.stderr);
+    assert!(run.stderr.contains("-> leave out --profile if it was given"), "{}", run.stderr);
 }

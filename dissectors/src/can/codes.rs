@@ -229,11 +229,11 @@ pub static WRONG_BITRATE: Code = Code {
         "the rate of the bus was changed",
     ],
     next: &[
-        "let --bitrate auto and --invert auto find out about line captures; set a CAN interface to 125000, 250000, 500000 in turn",
+        "leave out --bitrate and --invert on line captures, where they were given: both are found; set a CAN interface to 125000, 250000, 500000 in turn",
         RATE,
     ],
     cure: Cure {
-        one: "use --bitrate auto, check the bit rate",
+        one: "leave out --bitrate if it was given, check the bit rate",
         all: "set the tap to another bit rate",
     },
     say: |finding, _, out| match (finding.expected, finding.actual) {

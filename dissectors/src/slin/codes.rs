@@ -74,15 +74,12 @@ pub static CHECKSUM: Code = Code {
         "two encoders with the same address answer at once",
     ],
     next: &[
-        "if the errors come and go with the shaft angle and are off by one, read with --checksum auto",
+        "if the errors come and go with the shaft angle and are off by one, leave out --checksum and --profile where they were given: the rule is then found from the traffic",
         "if there are parity errors as well, follow `fieldtap explain slin.parity`",
         WIRING,
         LENGTH,
     ],
-    cure: Cure {
-        one: "read with --checksum auto, check drop cable",
-        all: "read with --checksum auto, check termination",
-    },
+    cure: Cure { one: "check drop cable and plug", all: "check termination and cable" },
     say: |finding, _, out| {
         write!(
             out,
@@ -177,12 +174,15 @@ pub static MISSING_FOOTER: Code = Code {
         "the profile is wrong: `--profile baumer` on a TR bus sees no footer at all",
     ],
     next: &[
-        "if every answer is hit, read with --profile auto",
+        "if every answer is hit, leave out --profile if it was given",
         "look whether a request follows the last word at once: then look for the second master",
         "measure the encoder's supply",
         WIRING,
     ],
-    cure: Cure { one: "check supply and plug", all: "read with --profile auto" },
+    cure: Cure {
+        one: "check supply and plug",
+        all: "leave out --profile if it was given; look for a second master",
+    },
     say: |_, record, out| write!(out, "no footer after {} characters", record.characters().len()),
 };
 
@@ -267,10 +267,13 @@ pub static LATE_RESPONSE: Code = Code {
     ],
     next: &[
         "see `fieldtap stats` for this station's minimum, median and 99th percentile: a constant value is the encoder's habit",
-        "read with --profile auto, or set the profile of this encoder's maker",
+        "leave out --profile if it was given, or name this encoder's maker with it",
         "check that the master's time-out is longer than what is measured",
     ],
-    cure: Cure { one: "see stats for the response times", all: "read with --profile auto" },
+    cure: Cure {
+        one: "see stats for the response times",
+        all: "leave out --profile if it was given",
+    },
     say: |finding, _, out| {
         write!(
             out,
@@ -294,11 +297,14 @@ pub static EARLY_RESPONSE: Code = Code {
         "what answered is not the encoder: a second master, an echo, or a late answer of another station",
     ],
     next: &[
-        "read with --profile auto",
+        "leave out --profile if it was given",
         "see `fieldtap stats` for the response times of this station",
         "check how fast the master's driver lets go of the line",
     ],
-    cure: Cure { one: "see stats for the response times", all: "read with --profile auto" },
+    cure: Cure {
+        one: "see stats for the response times",
+        all: "leave out --profile if it was given",
+    },
     say: |finding, _, out| {
         write!(
             out,
@@ -324,7 +330,7 @@ pub static RESERVED_BITS: Code = Code {
     ],
     next: &[
         "see whether every request has them: then it is the master's program",
-        "read with --profile auto",
+        "leave out --profile if it was given",
     ],
     cure: Cure {
         one: "check in the master's program the request bytes",

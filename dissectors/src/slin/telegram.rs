@@ -177,12 +177,13 @@ impl Telegram<'_> {
             write!(out, " {}", resolution.place(position))?;
         }
         match self.response_time {
-            Some(ns) => {
-                write!(out, " in {}", Span(ns))?;
-                // That of both stamps: what is less than it tells nothing alone.
-                let both = 2 * i64::from(uncertainty);
-                if both >= ns.saturating_abs() { write!(out, " ±{}", Span(both)) } else { Ok(()) }
-            }
+            Some(ns) => match 2 * i64::from(uncertainty) {
+                // What both stamps together cannot tell from none is told by what it is at most.
+                both if both >= ns.saturating_abs() && both > 0 => {
+                    write!(out, " in under {}", Span(ns.saturating_add(both)))
+                }
+                _ => write!(out, " in {}", Span(ns)),
+            },
             None => Ok(()),
         }
     }

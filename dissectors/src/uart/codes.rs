@@ -142,13 +142,10 @@ pub static SWAPPED_LINES: Code = Code {
         "a logic analyzer on the inverting line, with --invert no",
     ],
     next: &[
-        "swap the two wires of the tap, or read the capture with --invert yes",
+        "swap the two wires of the tap; a logic capture is turned by itself, unless --invert no was given",
         "if that makes it worse, measure the idle voltage: it must be above 200 mV",
     ],
-    cure: Cure {
-        one: "let --invert auto see, or swap A and B at the tap beside the plug",
-        all: "swap A and B at the tap, or let --invert auto see",
-    },
+    cure: Cure { one: "swap A and B at the tap beside the plug", all: "swap A and B at the tap" },
     say: |finding, _, out| {
         write!(
             out,

@@ -122,10 +122,22 @@ struct Serial {
     buffer: Vec<u8>,
 }
 
+/// The short name of a port: that of its device, where the path is a link to it (such as those in
+/// /dev/serial/by-id). Devices have no two alike, as links in different folders may have.
+fn bus_name(path: &str) -> String {
+    let device = std::fs::canonicalize(path).ok();
+    let device = device.as_deref().and_then(|it| it.strip_prefix("/dev").ok());
+    let is_direct = path.strip_prefix("/dev/").filter(|name| !name.starts_with("serial/"));
+    match (is_direct, device) {
+        (None, Some(device)) => device.to_string_lossy().into_owned(),
+        (direct, _) => direct.unwrap_or(path).to_owned(),
+    }
+}
+
 impl Serial {
     fn open(path: &str, options: &SourceOptions) -> Result<Serial, SourceError> {
         let name = format!("serial:{path}");
-        let bus = path.strip_prefix("/dev/").unwrap_or(path).to_owned();
+        let bus = bus_name(path);
         options.choose_only(&bus, &name)?;
         let format = options.frame.unwrap_or(Format::FT12);
         let fail = |what: String| SourceError::new(&name, Place::Whole, what);

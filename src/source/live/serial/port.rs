@@ -193,8 +193,7 @@ fn adapter_of(port: &TTYPort) -> Adapter {
 fn refusal(device: &Path, error: &serialport::Error) -> String {
     match error.kind {
         ErrorKind::Io(io::ErrorKind::NotFound) => {
-            "there is no such port: is the adapter plugged in? `ls /dev/serial/by-id` lists those \
-             on USB"
+            "there is no such port: is the adapter plugged in? `fieldtap ports` lists what there is"
                 .to_owned()
         }
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => {

@@ -190,6 +190,18 @@ fn a_second_reader_is_told_to_go_elsewhere() {
 }
 
 #[test]
+fn a_link_to_a_port_has_the_name_of_its_device() {
+    let line = Line::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("usb-FTDI_FT232R_A5XK3RJT-if00-port0");
+    symlink(&line.port, &link).unwrap();
+    let device = line.port.strip_prefix("/dev/").unwrap();
+    assert_eq!(bus_name(link.to_str().unwrap()), device);
+    assert_eq!(bus_name(&line.port), device);
+    assert_eq!(bus_name("./nowhere"), "./nowhere");
+}
+
+#[test]
 fn a_port_that_is_not_there_says_so() {
     let error = |path: &str| Serial::open(path, &options(None)).err().unwrap().to_string();
     assert!(error("/dev/ttyNone").contains("serial:/dev/ttyNone: there is no such port"));

@@ -196,8 +196,8 @@ impl Ear {
             Line::Frame(frame, ms) => {
                 if setting.has_stamps && ms.is_none() && !self.is_stamp_missed {
                     self.is_stamp_missed = true;
-                    let what = "the adapter said it would stamp frames, and does not: they have \
-                                the time when they were read";
+                    let what = "the adapter said it would stamp frames, and does not: those \
+                                without a stamp have the time when they were read, ±10 ms";
                     out.warning(SourceError::new(&self.source, Place::Whole, what));
                 }
                 self.has_frames = true;
@@ -431,6 +431,15 @@ mod tests {
         }
         assert_eq!(starts[1].since(starts[0]), Some(60_000_000));
         assert!(starts[1].is_after(silent_until), "{starts:?} {silent_until:?}");
+    }
+
+    /// Which ± holds instead of the one that was told is told.
+    #[test]
+    fn an_adapter_that_does_not_stamp_after_all_is_told_once_with_what_holds() {
+        let said = hear(b"t1230\rt4560\r", true);
+        assert!(said[1].ends_with("its own time stamps ±1 ms"), "{said:?}");
+        let told = |line: &&String| line.ends_with("the time when they were read, ±10 ms");
+        assert_eq!(said.iter().filter(told).count(), 1, "{said:?}");
     }
 
     /// Nothing can be read a second before it was heard.

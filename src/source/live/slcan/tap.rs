@@ -232,7 +232,9 @@ fn refusal(source: &str, path: &str, error: &serialport::Error) -> SourceError {
         return SourceError::new(source, Place::Whole, what);
     }
     let what = match error.kind {
-        Io(io::ErrorKind::NotFound) => "there is no such port: is the adapter plugged in?",
+        Io(io::ErrorKind::NotFound) => {
+            "there is no such port: is the adapter plugged in? `fieldtap ports` lists what there is"
+        }
         Io(io::ErrorKind::PermissionDenied) => {
             "this port may not be opened: `sudo usermod -aG dialout $USER`, and log in again"
         }
