@@ -158,6 +158,39 @@ pub enum LossCause {
     Overrun,
     /// Nobody listened: the interface was down, or the port or adapter gone.
     Deaf,
+    /// It was heard, and a recording of what surrounds events kept nothing of it.
+    NotKept,
+}
+
+impl LossCause {
+    /// Whether something failed. Else it is as the user wanted it.
+    #[must_use]
+    pub const fn is_failure(self) -> bool {
+        match self {
+            LossCause::Capture | LossCause::Overrun | LossCause::Deaf => true,
+            LossCause::NotKept => false,
+        }
+    }
+
+    /// Whether it is a time of which there is nothing, and not single characters or frames.
+    #[must_use]
+    pub const fn is_gap(self) -> bool {
+        match self {
+            LossCause::Capture | LossCause::Overrun => false,
+            LossCause::Deaf | LossCause::NotKept => true,
+        }
+    }
+
+    /// What is said of it where it is no finding.
+    #[must_use]
+    pub const fn sentence(self) -> Option<&'static str> {
+        match self {
+            LossCause::Capture | LossCause::Overrun | LossCause::Deaf => None,
+            LossCause::NotKept => {
+                Some("nothing was kept before this: the recording holds only what surrounds events")
+            }
+        }
+    }
 }
 
 /// What a tap hears on one bus.

@@ -1,7 +1,7 @@
 //! The comment in which an interface of a packet capture tells what its stamps and marks are
 //! worth: `fieldtap-tap: clock=read pm_ns=16000000 parity=packet format=8E1`.
 
-use dissectors::event::Clock;
+use dissectors::event::{Clock, LossCause};
 use dissectors::uart::{Format, ParityMarks};
 
 const BEGINNING: &str = "fieldtap-tap:";
@@ -10,7 +10,26 @@ const BEGINNING: &str = "fieldtap-tap:";
 pub const LOSS: &str = "fieldtap-loss: ";
 
 /// The comment on a loss because nobody listened.
-pub const DEAF: &str = "fieldtap-loss: nobody listened";
+const DEAF: &str = "fieldtap-loss: nobody listened";
+
+/// The comment on a time of which a recording kept nothing.
+const NOT_KEPT: &str = "fieldtap-loss: not kept";
+
+/// The comment on a loss, where the format has no room for its cause.
+pub fn of_loss(cause: LossCause) -> Option<String> {
+    match cause {
+        LossCause::Capture | LossCause::Overrun => None,
+        LossCause::Deaf => Some(DEAF.to_owned()),
+        LossCause::NotKept => Some(NOT_KEPT.to_owned()),
+    }
+}
+
+/// The cause that a comment tells; `None` for any other comment.
+pub fn cause_of(comment: &[u8]) -> Option<LossCause> {
+    let causes = [(DEAF, LossCause::Deaf), (NOT_KEPT, LossCause::NotKept)];
+    let told = causes.into_iter().find(|(text, _)| comment == text.as_bytes());
+    told.map(|(_, cause)| cause)
+}
 
 /// What an interface tells about itself. By default, what holds for captures by other programs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

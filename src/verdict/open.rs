@@ -47,6 +47,9 @@ pub fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     if let times @ 1.. = buses.iter().map(|bus| bus.counts().deaf).sum() {
         open.push(format!("what was on the line while nobody listened, {times} x"));
     }
+    if let times @ 1.. = buses.iter().map(|bus| bus.counts().not_kept).sum() {
+        open.push(format!("what was on the line while nothing was kept, {times} x"));
+    }
     if let times @ 1.. = pipeline.steps_back() {
         open.push(format!("times run backwards {times} x"));
     }

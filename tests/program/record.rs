@@ -232,6 +232,52 @@ fn a_flight_recorder_keeps_what_surrounds_events() {
     }
 }
 
+/// Between two files of a flight recorder is what it let go. Each says so where it begins, and what
+/// comes behind is not compared with what came before: an axis that moved meanwhile did not jump.
+#[test]
+fn files_of_a_flight_recorder_are_joined_without_a_false_word() {
+    let scratch = Scratch::new();
+    let slin = "slin --fault parity=0.001 --motion steady --encoders 2 --pause 20 --duration 120";
+    let devicenet = "devicenet --fault dropped=0.001 --encoders 7 --duration 90";
+    for (bus, ending) in [(slin, "chars"), (devicenet, "log")] {
+        let capture = scratch.path(&format!("bus.{ending}"));
+        let simulated = ["simulate"].into_iter().chain(bus.split(' '));
+        fieldtap(simulated.chain(["-o", argument(&capture)])).good();
+        let tape = scratch.path(&format!("tape-{ending}"));
+        let record = ["record", argument(&capture), "--baud", "115200", "--bitrate", "125k"];
+        let around = ["--trigger", "warning", "--before", "1s", "--after", "1s"];
+        fieldtap(record.into_iter().chain(around).chain(["-w", argument(&tape)])).good();
+        let files = files(&tape);
+        assert!(files.len() > 1, "{bus}: {files:?}");
+        let is_gap = |record: &Value| record["summary"].to_string().contains("nothing was kept");
+        let joined = read(&files);
+        let mut gaps = 0;
+        for file in &files {
+            let records = read(std::slice::from_ref(file)).records();
+            gaps += usize::from(is_gap(&records[0]));
+            assert!(!records[1..].iter().any(is_gap), "{bus}: {file:?}");
+        }
+        // Two that follow each other have nothing between them.
+        assert!(gaps > 2, "{bus}: {gaps} of {files:?}");
+        let records = joined.records();
+        let told: Vec<&Value> = records.iter().filter(|record| is_gap(record)).collect();
+        assert_eq!(told.len(), gaps, "{bus}");
+        assert!(told.iter().all(|gap| gap["kind"] == "lost" && codes(gap).is_empty()));
+        let whole = fieldtap(["read", "--format", "json", argument(&capture)]).records();
+        let found: Vec<String> = records.iter().flat_map(codes).collect();
+        let real: Vec<String> = whole.iter().flat_map(codes).collect();
+        assert!(found.iter().all(|code| real.contains(code)), "{bus}: {found:?}");
+        let open = format!("what was on the line while nothing was kept, {gaps} x");
+        assert!(joined.stderr.contains(&open), "{}", joined.stderr);
+        assert!(ending == "log" || !joined.stderr.contains("loss"), "{}", joined.stderr);
+        // Converted, they are one file that says the same.
+        let one = scratch.path(&format!("one-{ending}.pcapng"));
+        let first = argument(&files[1]);
+        fieldtap(["convert", first, argument(&one), "--bitrate", "125k"]).good();
+        assert!(is_gap(&read(&[one]).records()[0]), "{bus}");
+    }
+}
+
 /// A minute of exchanges, ten a second. Before this one, the clock is set back by an hour.
 const SET_BACK: u64 = 200;
 
