@@ -43,7 +43,7 @@ pub enum Command {
     Record(crate::commands::record::Arguments),
     /// Sum a capture up: stations, findings, response times.
     Stats(crate::commands::stats::Arguments),
-    /// Write a capture in another container.
+    /// Write a capture in another container, or several as one.
     Convert(crate::commands::convert::Arguments),
     /// Write a bus with chosen faults as a capture.
     Simulate(crate::commands::simulate::Arguments),

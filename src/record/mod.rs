@@ -18,6 +18,7 @@ mod trigger;
 
 pub use files::{Files, WriteError};
 pub use flight::Surroundings;
+pub use names::is_name_of_recording;
 pub use ring::{Ring, span};
 pub use summary::{Summary, undecoded};
 pub use trigger::{Trigger, Watch, Watcher};
