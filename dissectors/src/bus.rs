@@ -76,6 +76,8 @@ pub struct LineCounts {
     pub deaf: u64,
     /// Times of which nothing was kept. They are no losses.
     pub not_kept: u64,
+    /// Times in which its rate was looked for at others. They are no losses either.
+    pub sought: u64,
     /// Level changes that are nothing of what the line was said to carry.
     pub strange_edges: u64,
 }
@@ -88,6 +90,7 @@ impl LineCounts {
             LossCause::Capture | LossCause::Overrun => {}
             LossCause::Deaf => self.deaf += 1,
             LossCause::NotKept => self.not_kept += 1,
+            LossCause::Sought(_) => self.sought += 1,
         }
     }
 }

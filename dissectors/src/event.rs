@@ -4,8 +4,10 @@
 //! line levels, a break, a loss, or the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
 
 use crate::can::Frame;
+use crate::finding::Span;
 use crate::interbus::{Cycle, Row};
 use crate::uart::Character;
+use core::fmt;
 
 /// A point in time on the wire: nanoseconds since the Unix epoch or, where the source has no
 /// date, since its start. [`Moment::UNKNOWN`] for sources without any time.
@@ -160,6 +162,8 @@ pub enum LossCause {
     Deaf,
     /// It was heard, and a recording of what surrounds events kept nothing of it.
     NotKept,
+    /// The tap listened at other rates for so many ns, to find out the bus's.
+    Sought(i64),
 }
 
 impl LossCause {
@@ -168,7 +172,7 @@ impl LossCause {
     pub const fn is_failure(self) -> bool {
         match self {
             LossCause::Capture | LossCause::Overrun | LossCause::Deaf => true,
-            LossCause::NotKept => false,
+            LossCause::NotKept | LossCause::Sought(_) => false,
         }
     }
 
@@ -177,18 +181,26 @@ impl LossCause {
     pub const fn is_gap(self) -> bool {
         match self {
             LossCause::Capture | LossCause::Overrun => false,
-            LossCause::Deaf | LossCause::NotKept => true,
+            LossCause::Deaf | LossCause::NotKept | LossCause::Sought(_) => true,
         }
     }
 
-    /// What is said of it where it is no finding.
-    #[must_use]
-    pub const fn sentence(self) -> Option<&'static str> {
+    /// Writes what is said of it where it is no finding; nothing of a failure.
+    ///
+    /// # Errors
+    /// Only where `out` fails.
+    pub fn say(self, out: &mut dyn fmt::Write) -> fmt::Result {
         match self {
-            LossCause::Capture | LossCause::Overrun | LossCause::Deaf => None,
-            LossCause::NotKept => {
-                Some("nothing was kept before this: the recording holds only what surrounds events")
-            }
+            LossCause::Capture | LossCause::Overrun | LossCause::Deaf => Ok(()),
+            LossCause::NotKept => write!(
+                out,
+                "nothing was kept before this: the recording holds only what surrounds events"
+            ),
+            LossCause::Sought(ns) => write!(
+                out,
+                "the rate was being looked for during the {} before this, at others than this one",
+                Span(ns)
+            ),
         }
     }
 }

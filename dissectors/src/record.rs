@@ -196,7 +196,7 @@ impl<'a> Record<'a> {
             LossCause::Capture => &LOST,
             LossCause::Overrun => &OVERRUN,
             LossCause::Deaf => &DEAF,
-            LossCause::NotKept => &[],
+            LossCause::NotKept | LossCause::Sought(_) => &[],
         };
         self
     }
@@ -291,9 +291,7 @@ impl<'a> Record<'a> {
     /// Only where `out` fails.
     pub fn summarize(&self, out: &mut dyn fmt::Write) -> fmt::Result {
         match self.heard {
-            Heard::Lost(loss) if let Some(sentence) = loss.cause.sentence() => {
-                out.write_str(sentence)
-            }
+            Heard::Lost(loss) if !loss.cause.is_failure() => loss.cause.say(out),
             _ => self.layer.summarize(self, out),
         }
     }

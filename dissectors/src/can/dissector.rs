@@ -250,7 +250,7 @@ pub fn lose(
     record.findings = match loss.cause {
         LossCause::Capture | LossCause::Overrun => &LOST,
         LossCause::Deaf => &DEAF,
-        LossCause::NotKept => &[],
+        LossCause::NotKept | LossCause::Sought(_) => &[],
     };
     out.emit(record);
 }

@@ -248,7 +248,7 @@ impl Dissector for Slin {
             Event::Lost(loss) => {
                 match loss.cause {
                     // It is stamped at its end: what was asked before it may have been answered.
-                    LossCause::NotKept => self.cut(outlet),
+                    LossCause::NotKept | LossCause::Sought(_) => self.cut(outlet),
                     _ => self.silence_or_cut(loss.start, outlet),
                 }
                 outlet.loss(&loss);
