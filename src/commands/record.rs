@@ -11,7 +11,9 @@ use crate::record::{
 use crate::say;
 use crate::source::{self, Piece, Source, SourceError, SourceOptions};
 use clap::Args;
-use dissectors::protocol::Settings;
+use dissectors::protocol::{Medium, Settings};
+use dissectors::record::BusInfo;
+use dissectors::uart::ParityMarks;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -42,7 +44,9 @@ pub struct Arguments {
     #[arg(long, value_name = "RING", help_heading = "Recording")]
     ring: Option<Ring>,
 
-    /// Keep only what surrounds such an event: a finding's code, or error or warning (repeatable).
+    /// Keep only what surrounds such an event: a finding's code, such as slin.parity, or what is
+    /// behind its point where only one code has it; or at least so bad: error, warning or info
+    /// (repeatable).
     #[arg(long = "trigger", value_name = "CODE", help_heading = "Recording")]
     triggers: Vec<Trigger>,
 
@@ -75,7 +79,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     interrupt::catch(INTERRUPTED);
     interrupt::outlive_limits();
     match begin(arguments, settings) {
-        Ok(recorder) => Recording::new(recorder, arguments.decoding.quiet).run(arguments),
+        Ok(recorder) => Recording::new(recorder, arguments).run(arguments),
         Err(error) => {
             say_error(&error);
             ExitCode::from(FAILED)
@@ -84,18 +88,32 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 }
 
 /// What cannot be meant.
-fn misuse(arguments: &Arguments) -> Option<&'static str> {
+fn misuse(arguments: &Arguments) -> Option<String> {
     let Arguments { decoding, sources, triggers, ring, .. } = arguments;
     let chooses = decoding.from.is_some() || decoding.to.is_some() || decoding.count.is_some();
     let is_tap = |name: &String| source::live::is_tap(name);
-    if chooses || decoding.fail_on.is_some() {
-        Some("a recording keeps everything: --from, --to, --count and --fail-on are for `read`")
+    let (protocol, medium) = (decoding.protocol.given(), medium_of(&sources[0]));
+    if let Some(never) = triggers.iter().find_map(|trigger| trigger.obstacle(protocol, medium)) {
+        return Some(format!("--trigger: {never}"));
+    }
+    let wrong = if chooses || decoding.fail_on.is_some() {
+        "a recording keeps everything: --from, --to, --count and --fail-on are for `read`"
     } else if sources.len() > 1 && sources.iter().any(is_tap) {
-        Some("a recording listens to one live tap: start another one for the other")
+        "a recording listens to one live tap: start another one for the other"
     } else if ring.is_some_and(|ring| !ring.ends_files()) && triggers.is_empty() {
-        Some("without size or duration no file of the ring ever ends: --ring files=10,size=100MB")
+        "without size or duration no file of the ring ever ends: --ring files=10,size=100MB"
     } else {
-        None
+        return None;
+    };
+    Some(wrong.to_owned())
+}
+
+/// What a live tap hears, by its name.
+fn medium_of(source: &str) -> Option<Medium> {
+    match source.split_once(':')?.0 {
+        "serial" => Some(Medium::Serial),
+        "can" | "slcan" => Some(Medium::Can),
+        _ => None,
     }
 }
 
@@ -135,17 +153,25 @@ struct Recording {
     is_over: AtomicBool,
     begin: Instant,
     is_quiet: bool,
+    /// A trigger waits for parity errors.
+    needs_parity: bool,
 }
 
 impl Recording {
-    fn new(recorder: Recorder, is_quiet: bool) -> Self {
+    fn new(recorder: Recorder, arguments: &Arguments) -> Self {
         Recording {
             recorder: Mutex::new(recorder),
             failure: Mutex::new(None),
             is_over: AtomicBool::new(false),
             begin: Instant::now(),
-            is_quiet,
+            is_quiet: arguments.decoding.quiet,
+            needs_parity: arguments.triggers.iter().any(|trigger| trigger.needs_parity()),
         }
+    }
+
+    /// Whether what is waited for cannot come on this bus.
+    fn is_parity_missed(&self, bus: &BusInfo) -> bool {
+        self.needs_parity && !self.is_quiet && bus.parity == ParityMarks::None
     }
 
     fn recorder(&self) -> MutexGuard<'_, Recorder> {
@@ -208,6 +234,11 @@ impl Recording {
             match &piece {
                 Piece::Warning(warning) if !self.is_quiet => say!("fieldtap: warning: {warning}"),
                 Piece::Note(text) if !self.is_quiet => say!("fieldtap: {text}"),
+                Piece::Bus(info, _) if self.is_parity_missed(info) => say!(
+                    "fieldtap: warning: --trigger slin.parity: the parity of characters is not known \
+                     on {}, and no such event will come",
+                    info.name
+                ),
                 _ => {}
             }
             self.recorder().take(&piece).map_err(Ended::Recorder)?;

@@ -232,6 +232,25 @@ fn a_flight_recorder_keeps_what_surrounds_events() {
     }
 }
 
+/// Parity is not known of every port, and no event comes where it is not.
+#[test]
+fn a_trigger_that_waits_for_nothing_is_told_at_the_start() {
+    let scratch = Scratch::new();
+    let capture =
+        fieldtap(["convert", "-q", "captures/good/tr.chars", "-", "--output-format", "chars"]);
+    let unknown = capture.stdout.replace(",ok", ",unknown");
+    for (chars, is_told) in [(&unknown, true), (&capture.stdout, false)] {
+        let tape = scratch.path(&format!("tape-{is_told}"));
+        let bus = scratch.file("bus.chars", chars);
+        let pcapng = scratch.path(&format!("{is_told}.pcapng"));
+        fieldtap(["convert", "-q", argument(&bus), argument(&pcapng)]);
+        let trigger = ["--trigger", "parity", "-w", argument(&tape)];
+        let run = fieldtap(["record", argument(&pcapng)].into_iter().chain(trigger)).good();
+        let told = run.stderr.contains("warning: --trigger slin.parity: the parity");
+        assert_eq!(told, is_told, "{}", run.stderr);
+    }
+}
+
 /// Between two files of a flight recorder is what it let go. Each says so where it begins, and what
 /// comes behind is not compared with what came before: an axis that moved meanwhile did not jump.
 #[test]
@@ -506,6 +525,10 @@ fn what_cannot_be_recorded_is_refused() {
         (&["serial:/dev/absent", "--baud", "115200"], 3, "LINE   not heard: no bus appeared"),
         (&["-", "--ring", "files=3"], 2, "without size or duration"),
         (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
+        (&["-", "--trigger", "nonsense"], 2, "nor error, warning or info"),
+        (&["-", "--trigger", "encoder.alarm", "--protocol", "slin"], 2, "--protocol slin"),
+        (&["can:can0", "--trigger", "parity"], 2, "slin.parity never comes"),
+        (&["-", "--trigger", "interbus.crc"], 2, "rings are not recorded"),
         (&["-", "--count", "3"], 2, "keeps everything"),
         (&["can:can0", "can:can1"], 2, "one live tap"),
     ] {
