@@ -40,7 +40,9 @@ pub struct Arguments {
     directory: PathBuf,
 
     /// When one file ends and the next begins, and how many are kept: files=10,size=100MB or
-    /// files=24,duration=1h. The oldest is deleted. Default: one file.
+    /// files=24,duration=1h. The oldest is deleted. Default: one file. With --trigger each event
+    /// begins a file of its own, files=20 keeps those of the last twenty, and size or duration
+    /// divide what surrounds one event.
     #[arg(long, value_name = "RING", help_heading = "Recording")]
     ring: Option<Ring>,
 
@@ -50,11 +52,12 @@ pub struct Arguments {
     #[arg(long = "trigger", value_name = "CODE", help_heading = "Recording")]
     triggers: Vec<Trigger>,
 
-    /// With --trigger: how much before an event is kept.
+    /// With --trigger: how much before an event is kept, such as 30s, 500ms or 2min: a bare number
+    /// is seconds.
     #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, requires = "triggers", help_heading = "Recording")]
     before: i64,
 
-    /// With --trigger: how much after an event is kept.
+    /// With --trigger: how much after an event is kept, given alike.
     #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, requires = "triggers", help_heading = "Recording")]
     after: i64,
 

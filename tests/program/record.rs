@@ -232,6 +232,25 @@ fn a_flight_recorder_keeps_what_surrounds_events() {
     }
 }
 
+/// A ring of a flight recorder keeps the files of the last events.
+#[test]
+fn a_ring_keeps_the_last_events() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let capture = ninety_seconds(&[10, 30, 50, 70]);
+    let arguments = ["record", "-", "--baud", "115200", "--trigger", "slin.parity"];
+    let kept = ["--ring", "files=2", "--before", "3", "--after", "2"];
+    let into = ["-w", argument(&directory)];
+    let arguments = arguments.into_iter().chain(kept).chain(into);
+    let run = fieldtap_fed(arguments, capture.as_bytes()).good();
+    assert!(run.stderr.contains("4 events") && run.stderr.contains("in 4 files"), "{}", run.stderr);
+    let records = read(&files(&directory)).good().records();
+    let bad = records.iter().filter(|record| codes(record).iter().any(|it| it == "slin.parity"));
+    let seconds: Vec<i64> =
+        bad.map(|record| record["time_ns"].as_i64().expect("times") / 1_000_000_000).collect();
+    assert_eq!((files(&directory).len(), seconds), (2, vec![50, 70]));
+}
+
 /// Parity is not known of every port, and no event comes where it is not.
 #[test]
 fn a_trigger_that_waits_for_nothing_is_told_at_the_start() {
