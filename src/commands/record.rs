@@ -99,6 +99,10 @@ fn misuse(arguments: &Arguments) -> Option<String> {
     if let Some(never) = triggers.iter().find_map(|trigger| trigger.obstacle(protocol, medium)) {
         return Some(format!("--trigger: {never}"));
     }
+    let directory = &arguments.directory;
+    if directory.exists() && !directory.is_dir() {
+        return Some(format!("{}: is a file: -w wants a folder", directory.display()));
+    }
     let wrong = if chooses || decoding.fail_on.is_some() {
         "a recording keeps everything: --from, --to, --count and --fail-on are for `read`"
     } else if sources.len() > 1 && sources.iter().any(is_tap) {

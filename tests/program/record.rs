@@ -559,5 +559,10 @@ fn what_cannot_be_recorded_is_refused() {
     }
     let file = scratch.file("file", "");
     let run = fieldtap_fed(["record", "-", "-w", argument(&file)], b"time,byte,parity\n");
+    assert_eq!((run.status, run.stderr.lines().count()), (2, 1), "{}", run.stderr);
+    assert!(run.stderr.contains("is a file: -w wants a folder"), "{}", run.stderr);
+    // Nor can a folder be made in a file.
+    let inside = file.join("tape");
+    let run = fieldtap_fed(["record", "-", "-w", argument(&inside)], b"time,byte,parity\n");
     assert!(run.status == 3 && run.stderr.contains("cannot be written"), "{}", run.stderr);
 }
