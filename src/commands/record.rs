@@ -27,8 +27,17 @@ const TURN: Duration = Duration::from_millis(100);
 /// How often the user is told how it goes.
 const TOLD_EACH: Duration = Duration::from_secs(60);
 
+/// What `--help` ends with.
+const EXAMPLES: &str = "\
+Examples:
+  The last day of a serial bus, in files of half an hour:
+    fieldtap record serial:/dev/ttyUSB0 -w tape --ring files=48,duration=30min
+  What surrounds each alarm of an encoder on CAN:
+    fieldtap record can:can0 -w tape --trigger encoder.alarm --before 30s --after 10s";
+
 /// What to record, and where.
 #[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
 pub struct Arguments {
     /// A live tap, such as serial:/dev/ttyUSB0 or can:can0; or captures: files, or - for standard
     /// input.

@@ -549,6 +549,8 @@ fn what_cannot_be_recorded_is_refused() {
         (&["can:can0", "--trigger", "parity"], 2, "slin.parity never comes"),
         (&["-", "--trigger", "interbus.crc"], 2, "rings are not recorded"),
         (&["-", "--count", "3"], 2, "keeps everything"),
+        (&["-", "-v"], 2, "--verbose has no effect on a recording"),
+        (&["-", "--words", "hex"], 2, "--words has no effect on a recording"),
         (&["can:can0", "can:can1"], 2, "one live tap"),
     ] {
         let run = fieldtap(["record", "-w", directory].iter().chain(more));
