@@ -56,13 +56,13 @@ impl Protocol {
     /// Whether its records may carry a finding of this code: its own, or of what all protocols of
     /// its medium have in common.
     #[must_use]
-    pub fn may_find(&self, code: &Code) -> bool {
+    pub fn may_find(&self, code: &'static Code) -> bool {
         let common = match self.medium {
             Medium::Serial => Protocol::named("uart"),
             Medium::Can => Protocol::named("can"),
             Medium::Words => None,
         };
-        let has = |protocol: &Protocol| protocol.codes.iter().any(|known| *known == code);
+        let has = |protocol: &Protocol| protocol.codes.contains(&code);
         has(self) || common.is_some_and(has)
     }
 }
