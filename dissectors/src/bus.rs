@@ -6,7 +6,7 @@
 
 use crate::can::Load;
 use crate::decoder::Decoder;
-use crate::event::{Event, Levels, Moment};
+use crate::event::{Event, Levels, LossCause, Moment};
 use crate::finding::Finding;
 use crate::line::{Line, Listener};
 use crate::measure::Measurement;
@@ -74,8 +74,25 @@ pub struct LineCounts {
     pub losses: u64,
     /// Those of them in which nobody listened.
     pub deaf: u64,
+    /// Times of which nothing was kept. They are no losses.
+    pub not_kept: u64,
+    /// Times in which its rate was looked for at others. They are no losses either.
+    pub sought: u64,
     /// Level changes that are nothing of what the line was said to carry.
     pub strange_edges: u64,
+}
+
+impl LineCounts {
+    /// Counts a gap for what it is.
+    pub const fn lose(&mut self, cause: LossCause) {
+        self.losses += cause.is_failure() as u64;
+        match cause {
+            LossCause::Capture | LossCause::Overrun => {}
+            LossCause::Deaf => self.deaf += 1,
+            LossCause::NotKept => self.not_kept += 1,
+            LossCause::Sought(_) => self.sought += 1,
+        }
+    }
 }
 
 impl Sampling {

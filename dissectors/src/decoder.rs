@@ -2,7 +2,7 @@
 
 use crate::bus::LineCounts;
 use crate::can::{self, Frame, FrameKind, Load, RateSearch};
-use crate::event::{Break, Event, Loss, LossCause, Moment};
+use crate::event::{Break, Event, Loss, Moment};
 use crate::finding::Finding;
 use crate::interbus::{self, line::Crc};
 use crate::measure::Measurement;
@@ -175,8 +175,7 @@ impl Decoder {
             }
             Event::Break(_) => counts.breaks += 1,
             Event::Lost(loss) => {
-                counts.losses += 1;
-                counts.deaf += u64::from(loss.cause == LossCause::Deaf);
+                counts.lose(loss.cause);
             }
             Event::Levels(_) | Event::Advance(_) | Event::Silence(_) => {}
         }

@@ -4,8 +4,10 @@
 //! line levels, a break, a loss, or the fact that nothing was heard. Events carry their times; nothing in this crate asks a clock.
 
 use crate::can::Frame;
+use crate::finding::Span;
 use crate::interbus::{Cycle, Row};
 use crate::uart::Character;
+use core::fmt;
 
 /// A point in time on the wire: nanoseconds since the Unix epoch or, where the source has no
 /// date, since its start. [`Moment::UNKNOWN`] for sources without any time.
@@ -158,6 +160,49 @@ pub enum LossCause {
     Overrun,
     /// Nobody listened: the interface was down, or the port or adapter gone.
     Deaf,
+    /// It was heard, and a recording of what surrounds events kept nothing of it.
+    NotKept,
+    /// The tap listened at other rates for so many ns, to find out the bus's.
+    Sought(i64),
+}
+
+impl LossCause {
+    /// Whether something failed. Else it is as the user wanted it.
+    #[must_use]
+    pub const fn is_failure(self) -> bool {
+        match self {
+            LossCause::Capture | LossCause::Overrun | LossCause::Deaf => true,
+            LossCause::NotKept | LossCause::Sought(_) => false,
+        }
+    }
+
+    /// Whether it is a time of which there is nothing, and not single characters or frames.
+    #[must_use]
+    pub const fn is_gap(self) -> bool {
+        match self {
+            LossCause::Capture | LossCause::Overrun => false,
+            LossCause::Deaf | LossCause::NotKept | LossCause::Sought(_) => true,
+        }
+    }
+
+    /// Writes what is said of it where it is no finding; nothing of a failure.
+    ///
+    /// # Errors
+    /// Only where `out` fails.
+    pub fn say(self, out: &mut dyn fmt::Write) -> fmt::Result {
+        match self {
+            LossCause::Capture | LossCause::Overrun | LossCause::Deaf => Ok(()),
+            LossCause::NotKept => write!(
+                out,
+                "nothing was kept before this: the recording holds only what surrounds events"
+            ),
+            LossCause::Sought(ns) => write!(
+                out,
+                "the rate was being looked for during the {} before this, at others than this one",
+                Span(ns)
+            ),
+        }
+    }
 }
 
 /// What a tap hears on one bus.

@@ -52,6 +52,19 @@ impl Protocol {
     pub fn named(name: &str) -> Option<&'static Protocol> {
         PROTOCOLS.into_iter().find(|protocol| protocol.name == name)
     }
+
+    /// Whether its records may carry a finding of this code: its own, or of what all protocols of
+    /// its medium have in common.
+    #[must_use]
+    pub fn may_find(&self, code: &'static Code) -> bool {
+        let common = match self.medium {
+            Medium::Serial => Protocol::named("uart"),
+            Medium::Can => Protocol::named("can"),
+            Medium::Words => None,
+        };
+        let has = |protocol: &Protocol| protocol.codes.contains(&code);
+        has(self) || common.is_some_and(has)
+    }
 }
 
 impl PartialEq for Protocol {
@@ -69,6 +82,16 @@ impl core::fmt::Debug for Protocol {
 /// Every finding code of every protocol, in the order of the list.
 pub fn codes() -> impl Iterator<Item = &'static Code> {
     PROTOCOLS.into_iter().flat_map(|protocol| protocol.codes.iter().copied())
+}
+
+/// The codes that this may mean: the one of this name, or else those of which it is what stands
+/// behind the point.
+#[must_use]
+pub fn codes_named(name: &str) -> Vec<&'static Code> {
+    match codes().find(|code| code.name == name) {
+        Some(code) => Vec::from([code]),
+        None => codes().filter(|code| code.name.rsplit('.').next() == Some(name)).collect(),
+    }
 }
 
 impl Medium {

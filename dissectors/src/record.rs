@@ -196,6 +196,7 @@ impl<'a> Record<'a> {
             LossCause::Capture => &LOST,
             LossCause::Overrun => &OVERRUN,
             LossCause::Deaf => &DEAF,
+            LossCause::NotKept | LossCause::Sought(_) => &[],
         };
         self
     }
@@ -289,7 +290,10 @@ impl<'a> Record<'a> {
     /// # Errors
     /// Only where `out` fails.
     pub fn summarize(&self, out: &mut dyn fmt::Write) -> fmt::Result {
-        self.layer.summarize(self, out)
+        match self.heard {
+            Heard::Lost(loss) if !loss.cause.is_failure() => loss.cause.say(out),
+            _ => self.layer.summarize(self, out),
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod interbus;
 mod live;
+mod record;
 
 pub use interbus::Interbus;
 pub use live::Live;
@@ -9,6 +10,7 @@ pub use live::Live;
 use crate::clock::At;
 use crate::source::InputFormat;
 use clap::builder::styling::{AnsiColor, Styles};
+use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use dissectors::device::Profile as DeviceProfile;
 use dissectors::limit::{Limit, limits};
@@ -37,13 +39,13 @@ pub struct Cli {
 /// What to do.
 #[derive(Subcommand, Debug)]
 pub enum Command {
-    /// Print the decoded trace of a capture.
+    /// Print the decoded trace of a capture, or of a live tap while it is listened to.
     Read(crate::commands::read::Arguments),
     /// Write what a tap hears to disk, for days: with ring files, or only around events.
     Record(crate::commands::record::Arguments),
     /// Sum a capture up: stations, findings, response times.
     Stats(crate::commands::stats::Arguments),
-    /// Write a capture in another container.
+    /// Write a capture in another container, or several as one.
     Convert(crate::commands::convert::Arguments),
     /// Write a bus with chosen faults as a capture.
     Simulate(crate::commands::simulate::Arguments),
@@ -243,9 +245,25 @@ fn named<T: Copy + Send + Sync + 'static>(
     })
 }
 
+/// The command line, without the options that have no effect on what they would stand beside.
+pub fn command() -> clap::Command {
+    let hide = |argument: clap::Arg| {
+        let is_idle = record::is_idle(&argument) || record::is_refused(&argument);
+        argument.hide(is_idle)
+    };
+    Cli::command().mut_subcommand("record", |record| record.mut_args(hide))
+}
+
 /// Reads the command line; what is wrong with it is told, and ends the program.
 pub fn parse() -> Cli {
-    let matches = with_negative_numbers(Cli::command()).get_matches();
+    let mut command = with_negative_numbers(command());
+    let matches = command.get_matches_mut();
+    if let Some(option) = record::idle_option(&command, &matches) {
+        let what = format!(
+            "--{option} has no effect on a recording, which is not decoded: give it to `read`"
+        );
+        command.error(ErrorKind::ArgumentConflict, what).exit();
+    }
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 

@@ -1,7 +1,7 @@
 //! `completions`: shell completions.
 
-use crate::cli::Cli;
-use clap::{Args, CommandFactory};
+use crate::cli;
+use clap::Args;
 use clap_complete::Shell;
 use std::process::ExitCode;
 
@@ -15,6 +15,6 @@ pub struct Arguments {
 /// Prints them.
 pub fn run(arguments: &Arguments) -> ExitCode {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Cli::command(), "fieldtap", &mut script);
+    clap_complete::generate(arguments.shell, &mut cli::command(), "fieldtap", &mut script);
     super::print_bytes(&script)
 }

@@ -4,24 +4,23 @@ use crate::cli::Decoding;
 use crate::decode::{FAILED, USAGE, decode, settings};
 use crate::export::{Candump, Chars, Columns, Csv, Export, Json, PcapNg, Rows};
 use crate::output::Output;
+use crate::record::is_name_of_recording;
 use crate::say;
 use crate::stdout::Stdout;
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 /// From where, to where.
 #[derive(Args, Debug)]
+#[command(override_usage = "fieldtap convert [OPTIONS] <IN>... <OUT>")]
 pub struct Arguments {
-    /// The capture: a file, or - for standard input.
-    #[arg(value_name = "IN")]
-    input: String,
-
-    /// Where to write: its ending names the form. - for standard output.
-    #[arg(value_name = "OUT")]
-    output: PathBuf,
+    /// The captures, files or - for standard input: several are one stream, in this order. And last
+    /// where to write: its ending names the form, - is standard output.
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<String>,
 
     /// Form of the output, instead of what the ending says.
     #[arg(long, value_name = "FORM", help_heading = "Output")]
@@ -74,15 +73,29 @@ impl Form {
 
 /// Writes it.
 pub fn run(arguments: &Arguments) -> ExitCode {
-    let Some(form) = arguments.output_format.or_else(|| Form::of(&arguments.output)) else {
+    let [inputs @ .., output] = &arguments.files[..] else { return ExitCode::from(USAGE) };
+    let output = Path::new(output);
+    if inputs.is_empty() {
+        say!("fieldtap: {}: and where to write? convert IN... OUT", output.display());
+        return ExitCode::from(USAGE);
+    }
+    let Some(form) = arguments.output_format.or_else(|| Form::of(output)) else {
         say!(
             "fieldtap: {}: the ending names no form that can be written (.pcapng, .chars, .log, \
              .csv, .json): say it with --output-format",
-            arguments.output.display()
+            output.display()
         );
         return ExitCode::from(USAGE);
     };
-    match convert(arguments, form) {
+    if may_be_a_source(inputs, output) {
+        say!(
+            "fieldtap: {}: is there already, and may be meant to be read: the last name is where to \
+             write; remove it first if it is to be written anew",
+            output.display()
+        );
+        return ExitCode::from(USAGE);
+    }
+    match convert(&arguments.decoding, inputs, output, form) {
         Ok(code) => code,
         Err(error) => {
             say!("fieldtap: {error:#}");
@@ -91,25 +104,36 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     }
 }
 
-fn convert(arguments: &Arguments, form: Form) -> anyhow::Result<ExitCode> {
-    let settings = match settings(&arguments.decoding) {
+/// Whether the name of what to write may have been forgotten, as in `convert tape/*.pcapng`: then
+/// the last recording would be lost.
+fn may_be_a_source(inputs: &[String], output: &Path) -> bool {
+    let name = output.file_name().and_then(OsStr::to_str);
+    let is_recording = name.is_some_and(is_name_of_recording);
+    (inputs.len() > 1 || is_recording) && output.is_file()
+}
+
+fn convert(
+    decoding: &Decoding,
+    sources: &[String],
+    output: &Path,
+    form: Form,
+) -> anyhow::Result<ExitCode> {
+    let settings = match settings(decoding) {
         Ok(settings) => settings,
         Err(error) => {
             say!("fieldtap: {error:#}");
             return Ok(ExitCode::from(USAGE));
         }
     };
-    let sources = std::slice::from_ref(&arguments.input);
-    let output = &arguments.output;
     if output == Path::new("-") {
         let mut export = form.export(BufWriter::new(Stdout::new()))?;
-        let outcome = decode(&arguments.decoding, sources, settings, &mut *export);
+        let outcome = decode(decoding, sources, settings, &mut *export);
         outcome.report();
         return Ok(outcome.exit_code());
     }
     let file = Output::create(output)?;
     let mut export = form.export(BufWriter::new(file.file()))?;
-    let outcome = decode(&arguments.decoding, sources, settings, &mut *export);
+    let outcome = decode(decoding, sources, settings, &mut *export);
     drop(export);
     if outcome.is_whole() {
         file.replace()?;

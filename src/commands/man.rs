@@ -1,9 +1,9 @@
 //! `man`: the manual page, and those of the subcommands.
 
-use crate::cli::Cli;
+use crate::cli;
 use crate::decode::FAILED;
 use crate::say;
-use clap::{Args, CommandFactory};
+use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -19,10 +19,10 @@ pub struct Arguments {
 /// Prints or writes them.
 pub fn run(arguments: &Arguments) -> ExitCode {
     let result = match &arguments.to {
-        Some(directory) => clap_mangen::generate_to(Cli::command(), directory),
+        Some(directory) => clap_mangen::generate_to(cli::command(), directory),
         None => {
             let mut page = Vec::new();
-            match clap_mangen::Man::new(Cli::command()).render(&mut page) {
+            match clap_mangen::Man::new(cli::command()).render(&mut page) {
                 Ok(()) => return super::print_bytes(&page),
                 Err(error) => Err(error),
             }

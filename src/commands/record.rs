@@ -10,7 +10,9 @@ use crate::record::{
 use crate::say;
 use crate::source::{self, Piece, Source, SourceError, SourceOptions};
 use clap::Args;
-use dissectors::protocol::Settings;
+use dissectors::protocol::{Medium, Settings};
+use dissectors::record::BusInfo;
+use dissectors::uart::ParityMarks;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,8 +26,17 @@ const TURN: Duration = Duration::from_millis(100);
 /// How often the user is told how it goes.
 const TOLD_EACH: Duration = Duration::from_secs(60);
 
+/// What `--help` ends with.
+const EXAMPLES: &str = "\
+Examples:
+  The last day of a serial bus, in files of half an hour:
+    fieldtap record serial:/dev/ttyUSB0 -w tape --ring files=48,duration=30min
+  What surrounds each alarm of an encoder on CAN:
+    fieldtap record can:can0 -w tape --trigger encoder.alarm --before 30s --after 10s";
+
 /// What to record, and where.
 #[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
 pub struct Arguments {
     /// A live tap, such as serial:/dev/ttyUSB0 or can:can0; or captures: files, or - for standard
     /// input.
@@ -37,19 +48,24 @@ pub struct Arguments {
     directory: PathBuf,
 
     /// When one file ends and the next begins, and how many are kept: files=10,size=100MB or
-    /// files=24,duration=1h. The oldest is deleted. Default: one file.
+    /// files=24,duration=1h. The oldest is deleted. Default: one file. With --trigger each event
+    /// begins a file of its own, files=20 keeps those of the last twenty, and size or duration
+    /// divide what surrounds one event.
     #[arg(long, value_name = "RING", help_heading = "Recording")]
     ring: Option<Ring>,
 
-    /// Keep only what surrounds such an event: a finding's code, or error or warning (repeatable).
+    /// Keep only what surrounds such an event: a finding's code, such as slin.parity, or what is
+    /// behind its point where only one code has it; or at least so bad: error, warning or info
+    /// (repeatable).
     #[arg(long = "trigger", value_name = "CODE", help_heading = "Recording")]
     triggers: Vec<Trigger>,
 
-    /// With --trigger: how much before an event is kept.
+    /// With --trigger: how much before an event is kept, such as 30s, 500ms or 2min: a bare number
+    /// is seconds.
     #[arg(long, value_name = "TIME", default_value = "30s", value_parser = span, allow_hyphen_values = true, requires = "triggers", help_heading = "Recording")]
     before: i64,
 
-    /// With --trigger: how much after an event is kept.
+    /// With --trigger: how much after an event is kept, given alike.
     #[arg(long, value_name = "TIME", default_value = "10s", value_parser = span, allow_hyphen_values = true, requires = "triggers", help_heading = "Recording")]
     after: i64,
 
@@ -73,7 +89,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
     // A second Ctrl-C does not wait for a good end.
     interrupt::catch(INTERRUPTED);
     match begin(arguments, settings) {
-        Ok(recorder) => Recording::new(recorder, arguments.decoding.quiet).run(arguments),
+        Ok(recorder) => Recording::new(recorder, arguments).run(arguments),
         Err(error) => {
             say_error(&error, false);
             ExitCode::from(FAILED)
@@ -82,18 +98,36 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 }
 
 /// What cannot be meant.
-fn misuse(arguments: &Arguments) -> Option<&'static str> {
+fn misuse(arguments: &Arguments) -> Option<String> {
     let Arguments { decoding, sources, triggers, ring, .. } = arguments;
     let chooses = decoding.from.is_some() || decoding.to.is_some() || decoding.count.is_some();
     let is_tap = |name: &String| source::live::is_tap(name);
-    if chooses || decoding.fail_on.is_some() {
-        Some("a recording keeps everything: --from, --to, --count and --fail-on are for `read`")
+    let (protocol, medium) = (decoding.protocol.given(), medium_of(&sources[0]));
+    if let Some(never) = triggers.iter().find_map(|trigger| trigger.obstacle(protocol, medium)) {
+        return Some(format!("--trigger: {never}"));
+    }
+    let directory = &arguments.directory;
+    if directory.exists() && !directory.is_dir() {
+        return Some(format!("{}: is a file: -w wants a folder", directory.display()));
+    }
+    let wrong = if chooses || decoding.fail_on.is_some() {
+        "a recording keeps everything: --from, --to, --count and --fail-on are for `read`"
     } else if sources.len() > 1 && sources.iter().any(is_tap) {
-        Some("a recording listens to one live tap: start another one for the other")
+        "a recording listens to one live tap: start another one for the other"
     } else if ring.is_some_and(|ring| !ring.ends_files()) && triggers.is_empty() {
-        Some("without size or duration no file of the ring ever ends: --ring files=10,size=100MB")
+        "without size or duration no file of the ring ever ends: --ring files=10,size=100MB"
     } else {
-        None
+        return None;
+    };
+    Some(wrong.to_owned())
+}
+
+/// What a live tap hears, by its name.
+fn medium_of(source: &str) -> Option<Medium> {
+    match source.split_once(':')?.0 {
+        "serial" => Some(Medium::Serial),
+        "can" | "slcan" => Some(Medium::Can),
+        _ => None,
     }
 }
 
@@ -131,17 +165,25 @@ struct Recording {
     is_over: AtomicBool,
     begin: Instant,
     is_quiet: bool,
+    /// A trigger waits for parity errors.
+    needs_parity: bool,
 }
 
 impl Recording {
-    fn new(recorder: Recorder, is_quiet: bool) -> Self {
+    fn new(recorder: Recorder, arguments: &Arguments) -> Self {
         Recording {
             recorder: Mutex::new(recorder),
             failure: Mutex::new(None),
             is_over: AtomicBool::new(false),
             begin: Instant::now(),
-            is_quiet,
+            is_quiet: arguments.decoding.quiet,
+            needs_parity: arguments.triggers.iter().any(|trigger| trigger.needs_parity()),
         }
+    }
+
+    /// Whether what is waited for cannot come on this bus.
+    fn is_parity_missed(&self, bus: &BusInfo) -> bool {
+        self.needs_parity && !self.is_quiet && bus.parity == ParityMarks::None
     }
 
     fn recorder(&self) -> MutexGuard<'_, Recorder> {
@@ -204,6 +246,11 @@ impl Recording {
             match &piece {
                 Piece::Warning(warning) if !self.is_quiet => say!("fieldtap: warning: {warning}"),
                 Piece::Note(text) if !self.is_quiet => say!("fieldtap: {text}"),
+                Piece::Bus(info, _) if self.is_parity_missed(info) => say!(
+                    "fieldtap: warning: --trigger slin.parity: the parity of characters is not known \
+                     on {}, and no such event will come",
+                    info.name
+                ),
                 _ => {}
             }
             self.recorder().take(&piece).map_err(Ended::Recorder)?;

@@ -37,6 +37,15 @@ pub struct Chunk {
     pub bytes: Range<usize>,
 }
 
+/// Where what is kept begins or ends.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Edge {
+    /// A file ends in which nothing is after this, by a clock that is never set back.
+    End(Moment),
+    /// What was heard before this was let go, as the source stamps it.
+    NotKept(Moment),
+}
+
 /// What was composed and is not kept yet.
 #[derive(Default)]
 pub struct Composed {
@@ -274,12 +283,8 @@ impl Composer {
 
     fn lost(&mut self, index: usize, loss: Loss) -> io::Result<()> {
         let bus = &mut self.buses[index];
-        bus.counts.losses += 1;
-        bus.counts.deaf += u64::from(loss.cause == LossCause::Deaf);
-        let place = match loss.cause {
-            LossCause::Capture | LossCause::Deaf => 0,
-            LossCause::Overrun => 1,
-        };
+        bus.counts.lose(loss.cause);
+        let place = usize::from(loss.cause == LossCause::Overrun);
         bus.lost[place] = bus.lost[place].saturating_add(loss.count.unwrap_or(0));
         // What was lost has no time of its own where the source does not tell.
         let start = if loss.start.is_known() { loss.start } else { bus.last };
@@ -288,7 +293,7 @@ impl Composer {
             self.settle(index)?;
             self.buses[index].pending = Some(loss);
             // No frame follows at once, and none could tell why.
-            return if loss.cause == LossCause::Deaf { self.settle(index) } else { Ok(()) };
+            return if loss.cause.is_gap() { self.settle(index) } else { Ok(()) };
         }
         let interface = self.some_interface(index)?;
         let comments = self.comments(index);
@@ -338,8 +343,8 @@ impl Composer {
     /// An interface of a bus where the ± does not matter.
     fn some_interface(&mut self, index: usize) -> io::Result<u32> {
         let bus = &self.buses[index];
-        match bus.interfaces.iter().rfind(|(terms, _)| terms.baud == bus.facts.baud) {
-            Some((_, number)) => Ok(*number),
+        match bus.some_interface() {
+            Some(number) => Ok(number),
             None => self.usual_interface(index, bus.medium.unwrap_or(Medium::Serial), 0),
         }
     }
@@ -427,27 +432,24 @@ impl Composer {
     /// The blocks that a file ends with, in which nothing is after `limit`, by a clock that is never
     /// set back: when each bus was last listened to. To be asked for where nothing is composed.
     pub fn ends(&mut self, limit: Option<Moment>) -> Vec<u8> {
-        self.heads_and_ends().1(limit.unwrap_or(Moment::from_ns(i64::MAX)))
+        self.heads_and_edges().1(Edge::End(limit.unwrap_or(Moment::from_ns(i64::MAX))))
     }
 
     /// What a file must begin with (the section's header, then the interfaces in order), and what
-    /// makes the blocks it ends with.
-    pub fn heads_and_ends(&mut self) -> (&[Vec<u8>], impl FnMut(Moment) -> Vec<u8>) {
+    /// makes the blocks at the edges of what is kept. To be asked for where nothing is composed.
+    pub fn heads_and_edges(&mut self) -> (&[Vec<u8>], impl FnMut(Edge) -> Vec<u8>) {
         let Composer { heads, buses, writer, steady, .. } = self;
-        let ends = |limit: Moment| {
+        let edges = |edge: Edge| {
             for bus in buses.iter_mut() {
-                let Some((_, number)) = bus.interfaces.first() else { continue };
-                let is_limited = bus.reach.is_after(limit);
-                let end = steady.stamp(if is_limited { limit } else { bus.reach });
-                // What the source does not tell is not known to whoever reads the file either.
-                let told = (is_limited || bus.is_reach_told).then_some(end);
-                let comments = std::mem::take(&mut bus.comments);
                 // Times that have no room were refused when their blocks were composed.
-                let _ = writer.end(*number, end, told, Extras::comments(comments));
+                let _ = match edge {
+                    Edge::End(limit) => bus.end(limit, steady, writer),
+                    Edge::NotKept(stamp) => bus.keep_nothing_before(stamp, writer),
+                };
             }
             std::mem::take(writer.out())
         };
-        (heads, ends)
+        (heads, edges)
     }
 }
 
@@ -476,6 +478,39 @@ impl Bus {
     /// Whether it carries frames.
     pub fn is_can(&self) -> bool {
         self.medium == Some(Medium::Can)
+    }
+
+    /// The interface that told of it last, at the rate that it has now.
+    fn some_interface(&self) -> Option<u32> {
+        let is_it = |(terms, _): &&(Terms, u32)| terms.baud == self.facts.baud;
+        self.interfaces.iter().rfind(is_it).map(|(_, number)| *number)
+    }
+
+    /// Writes when it was last listened to, which is not after `limit`.
+    fn end(
+        &mut self,
+        limit: Moment,
+        steady: &Steady,
+        out: &mut BlockWriter<Vec<u8>>,
+    ) -> io::Result<()> {
+        let Some((_, number)) = self.interfaces.first() else { return Ok(()) };
+        let is_limited = self.reach.is_after(limit);
+        let end = steady.stamp(if is_limited { limit } else { self.reach });
+        // What the source does not tell is not known to whoever reads the file either.
+        let told = (is_limited || self.is_reach_told).then_some(end);
+        let comments = std::mem::take(&mut self.comments);
+        out.end(*number, end, told, Extras::comments(comments))
+    }
+
+    /// Writes that nothing was kept before this stamp.
+    fn keep_nothing_before(&self, stamp: Moment, out: &mut BlockWriter<Vec<u8>>) -> io::Result<()> {
+        let first = self.interfaces.first().map(|(_, number)| *number);
+        let Some(number) = self.some_interface().or(first) else { return Ok(()) };
+        let gap = Loss { start: stamp, count: None, cause: LossCause::NotKept };
+        match self.is_can() {
+            true => out.lost_frames(number, gap, Vec::new()),
+            false => out.lost_characters(number, gap, Vec::new()),
+        }
     }
 
     fn reach(&mut self, to: Moment) {

@@ -4,7 +4,7 @@
 //! behind, and says which events there were, and up to where there are no more. All times here are
 //! by a clock that is never set back, but for the stamps that files are named by.
 
-use super::composer::Chunk;
+use super::composer::{Chunk, Edge};
 use super::files::{Files, WriteError};
 use dissectors::event::Moment;
 use std::collections::VecDeque;
@@ -35,6 +35,8 @@ pub struct Flight {
     bytes: usize,
     /// Until when the file that is open reaches.
     until: Option<Moment>,
+    /// What was heard since what was written last was let go, or some of it.
+    is_gap: bool,
     /// Bytes were let go that `--before` asks for.
     pub is_short: bool,
 }
@@ -49,7 +51,14 @@ struct Held {
 impl Flight {
     /// Nothing was heard yet.
     pub fn new(kept: Surroundings) -> Self {
-        Flight { kept, held: VecDeque::new(), bytes: 0, until: None, is_short: false }
+        Flight {
+            kept,
+            held: VecDeque::new(),
+            bytes: 0,
+            until: None,
+            is_gap: false,
+            is_short: false,
+        }
     }
 
     /// Holds a chunk.
@@ -84,13 +93,13 @@ impl Flight {
         &mut self,
         at: Moment,
         heads: &[Vec<u8>],
-        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        edges: &mut dyn FnMut(Edge) -> Vec<u8>,
         files: &mut Files,
     ) -> Result<(), WriteError> {
         let (from, until) = (at.plus(-self.kept.before), at.plus(self.kept.after));
         if let Some(open) = self.until {
             if from.is_after(open) {
-                files.finish(&ends(open))?;
+                files.finish(&edges(Edge::End(open)))?;
                 self.until = None;
             } else if !until.is_after(open) {
                 return Ok(());
@@ -102,7 +111,7 @@ impl Flight {
             }
         }
         self.until = Some(until);
-        self.write(heads, ends, files)
+        self.write(heads, edges, files)
     }
 
     /// Writes what the open file asks for.
@@ -112,7 +121,7 @@ impl Flight {
     pub fn write(
         &mut self,
         heads: &[Vec<u8>],
-        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        edges: &mut dyn FnMut(Edge) -> Vec<u8>,
         files: &mut Files,
     ) -> Result<(), WriteError> {
         let Some(until) = self.until else { return Ok(()) };
@@ -120,7 +129,10 @@ impl Flight {
             let Some(held) = self.held.pop_front() else { break };
             self.bytes -= held.bytes.len();
             if files.is_full_for(held.from, held.bytes.len()) {
-                files.finish(&ends(held.from))?;
+                files.finish(&edges(Edge::End(held.from)))?;
+            }
+            if std::mem::take(&mut self.is_gap) {
+                files.write(held.from, held.stamp, &edges(Edge::NotKept(held.stamp)), heads)?;
             }
             files.write(held.from, held.stamp, &held.bytes, heads)?;
         }
@@ -134,14 +146,14 @@ impl Flight {
     pub fn decoded(
         &mut self,
         now: Moment,
-        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        edges: &mut dyn FnMut(Edge) -> Vec<u8>,
         files: &mut Files,
     ) -> Result<(), WriteError> {
         // Behind it, the next event begins a file of its own.
         let early = self.kept.before.saturating_add(LATEST_TOLD);
         match self.until {
             Some(until) if now.since(until).is_some_and(|since| since > early) => {
-                files.finish(&ends(until))?;
+                files.finish(&edges(Edge::End(until)))?;
                 self.until = None;
             }
             _ => {}
@@ -161,11 +173,11 @@ impl Flight {
     /// A file cannot be finished.
     pub fn finish(
         &mut self,
-        ends: &mut dyn FnMut(Moment) -> Vec<u8>,
+        edges: &mut dyn FnMut(Edge) -> Vec<u8>,
         files: &mut Files,
     ) -> Result<(), WriteError> {
         match self.until.take() {
-            Some(until) => files.finish(&ends(until)),
+            Some(until) => files.finish(&edges(Edge::End(until))),
             None => Ok(()),
         }
     }
@@ -173,6 +185,7 @@ impl Flight {
     fn let_go(&mut self) {
         if let Some(held) = self.held.pop_front() {
             self.bytes -= held.bytes.len();
+            self.is_gap = true;
         }
     }
 }
@@ -182,6 +195,9 @@ mod tests {
     use super::super::ring::Ring;
     use super::*;
     use std::path::Path;
+
+    /// Says that what came before was let go.
+    const GAP: u8 = 255;
 
     const SECOND: i64 = 1_000_000_000;
 
@@ -201,17 +217,18 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let mut files = Files::new(directory.path(), Ring::default()).unwrap();
         let mut flight = Flight::new(Surroundings { before: 3 * SECOND, after: 2 * SECOND });
-        let mut ends = |_| Vec::new();
+        let mut edges =
+            |edge| if matches!(edge, Edge::NotKept(_)) { vec![GAP] } else { Vec::new() };
         for second in 0..60 {
             hold(&mut flight, second, &[u8::try_from(second).unwrap()]);
-            flight.write(&[], &mut ends, &mut files).unwrap();
+            flight.write(&[], &mut edges, &mut files).unwrap();
             if let Some(event) = events.iter().find(|event| **event == second - 3) {
-                flight.event(at(*event), &[], &mut ends, &mut files).unwrap();
+                flight.event(at(*event), &[], &mut edges, &mut files).unwrap();
             }
-            flight.decoded(at(second), &mut ends, &mut files).unwrap();
+            flight.decoded(at(second), &mut edges, &mut files).unwrap();
             assert!(flight.bytes <= 16, "{} are held", flight.bytes);
         }
-        flight.finish(&mut ends, &mut files).unwrap();
+        flight.finish(&mut edges, &mut files).unwrap();
         files.settle().unwrap();
         contents(directory.path())
     }
@@ -224,20 +241,24 @@ mod tests {
         paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
     }
 
+    fn behind_gap(seconds: std::ops::RangeInclusive<u8>) -> Vec<u8> {
+        std::iter::once(GAP).chain(seconds).collect()
+    }
+
     #[test]
     fn what_surrounds_an_event_is_kept() {
-        assert_eq!(kept(&[20]), [(17..=22).collect::<Vec<u8>>()]);
+        assert_eq!(kept(&[20]), [behind_gap(17..=22)]);
         assert_eq!(kept(&[]), [[0; 0]; 0]);
-        assert_eq!(kept(&[1, 56]), [vec![0, 1, 2, 3], (53..=58).collect()]);
+        assert_eq!(kept(&[1, 56]), [vec![0, 1, 2, 3], behind_gap(53..=58)]);
     }
 
     #[test]
     fn surroundings_that_overlap_are_one_file() {
-        assert_eq!(kept(&[20, 21]), [(17..=23).collect::<Vec<u8>>()]);
+        assert_eq!(kept(&[20, 21]), [behind_gap(17..=23)]);
         // 22 is the last of the one, and the first of the other.
-        assert_eq!(kept(&[20, 25]), [(17..=27).collect::<Vec<u8>>()]);
-        let apart = kept(&[20, 26]);
-        assert_eq!(apart, [(17..=22).collect::<Vec<u8>>(), (23..=28).collect()]);
+        assert_eq!(kept(&[20, 25]), [behind_gap(17..=27)]);
+        // 23 follows 22: nothing is missing between the two.
+        assert_eq!(kept(&[20, 26]), [behind_gap(17..=22), (23..=28).collect()]);
     }
 
     #[test]

@@ -19,12 +19,13 @@ mod trigger;
 
 pub use files::{Files, WriteError};
 pub use flight::Surroundings;
+pub use names::is_name_of_recording;
 pub use ring::{Ring, span};
 pub use summary::{Summary, undecoded};
 pub use trigger::{Trigger, Watch, Watcher};
 
 use crate::source::{Piece, SourceOptions};
-use composer::{Bus, Chunk, Composer};
+use composer::{Bus, Chunk, Composer, Edge};
 use dissectors::event::Event;
 use flight::Flight;
 use std::io;
@@ -143,13 +144,13 @@ impl Recorder {
 
     fn keep_chunk(&mut self, chunk: &Chunk, bytes: &[u8]) -> Result<(), WriteError> {
         let Recorder { composer, files, events } = self;
-        let (heads, mut ends) = composer.heads_and_ends();
+        let (heads, mut edges) = composer.heads_and_edges();
         if let Some(events) = events {
             events.flight.hold(chunk, bytes);
-            return events.flight.write(heads, &mut ends, files);
+            return events.flight.write(heads, &mut edges, files);
         }
         if files.is_full_for(chunk.from, bytes.len()) {
-            files.finish(&ends(chunk.from))?;
+            files.finish(&edges(Edge::End(chunk.from)))?;
         }
         files.write(chunk.from, chunk.stamp, bytes, heads)
     }
@@ -167,13 +168,13 @@ impl Recorder {
         let (Told::Event(stamp) | Told::Decoded(stamp)) = told;
         let at = self.composer.time_of(stamp);
         let at = if at.is_known() { at } else { self.composer.reach() };
-        let (heads, mut ends) = self.composer.heads_and_ends();
+        let (heads, mut edges) = self.composer.heads_and_edges();
         match told {
             Told::Event(_) => {
                 events.count += 1;
-                events.flight.event(at, heads, &mut ends, &mut self.files)?;
+                events.flight.event(at, heads, &mut edges, &mut self.files)?;
             }
-            Told::Decoded(_) => events.flight.decoded(at, &mut ends, &mut self.files)?,
+            Told::Decoded(_) => events.flight.decoded(at, &mut edges, &mut self.files)?,
         }
         Ok(())
     }
@@ -211,7 +212,7 @@ impl Recorder {
                 // to, such as a port that is not there, it has nothing to say.
                 self.composer.describe_silent()?;
                 let (begin, stamp) = (self.composer.reach(), self.composer.stamp());
-                let (heads, _) = self.composer.heads_and_ends();
+                let (heads, _) = self.composer.heads_and_edges();
                 if heads.len() > 1 {
                     self.files.write(begin, stamp, &[], heads)?;
                 }
@@ -222,8 +223,8 @@ impl Recorder {
         let (told, watcher) = events.watch.finish();
         told.into_iter().try_for_each(|told| self.heed_one(told))?;
         if let Some(events) = &mut self.events {
-            let (_, mut ends) = self.composer.heads_and_ends();
-            events.flight.finish(&mut ends, &mut self.files)?;
+            let (_, mut edges) = self.composer.heads_and_edges();
+            events.flight.finish(&mut edges, &mut self.files)?;
         }
         Ok(watcher)
     }

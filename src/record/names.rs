@@ -35,6 +35,11 @@ impl Names {
     }
 }
 
+/// Whether a file of this name may be one of a recording.
+pub fn is_name_of_recording(name: &str) -> bool {
+    name.starts_with("fieldtap-") && name.ends_with(".pcapng")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -45,6 +50,7 @@ mod tests {
         let begin = Moment::from_ns(1_795_335_300_999_999_999);
         let names = Names::new(Path::new("d"), begin, 7);
         assert_eq!(names.whole, Path::new("d/fieldtap-20261122T081500Z-0007.pcapng"));
+        assert!(is_name_of_recording("fieldtap-20261122T081500Z-0007.pcapng"));
         assert_eq!(names.part, Path::new("d/fieldtap-20261122T081500Z-0007.pcapng.part"));
     }
 

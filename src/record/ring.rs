@@ -72,7 +72,7 @@ fn bytes(text: &str) -> Option<u64> {
     frequency(text)
 }
 
-/// A span of time such as `30s`, `500ms`, `10min` or `1h`, in ns.
+/// A span of time such as `30s`, `500ms`, `10min` or `1h`, in ns. A bare number is seconds.
 ///
 /// # Errors
 /// It is none: what is one.
@@ -95,6 +95,14 @@ pub fn span(text: &str) -> Result<i64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bare_number_is_seconds() {
+        let spans = ["10", "10s", "1500ms", "2min", "1d"].map(span);
+        let seconds = [10_000, 10_000, 1_500, 120_000, 86_400_000].map(|ms| Ok(ms * 1_000_000));
+        assert_eq!(spans, seconds);
+        assert!(span("10 s").is_err() && span("s").is_err() && span("-1s").is_err());
+    }
 
     #[test]
     fn a_ring_has_files_of_a_size_or_a_duration() {

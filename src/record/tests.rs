@@ -128,6 +128,10 @@ fn serial() -> Vec<Delivery> {
             match read % 100 {
                 10 => out.lost(0, Loss { start: now, count: Some(3), cause: LossCause::Overrun }),
                 20 => out.lost(0, Loss { start: now, count: None, cause: LossCause::Capture }),
+                40 => {
+                    let cause = LossCause::Sought(3_200_000_000);
+                    out.lost(0, Loss { start: now, count: None, cause });
+                }
                 30 => {
                     out.line_break(0, Break { start: now, uncertainty: 16_000_000, duration: None })
                 }
@@ -160,9 +164,37 @@ fn a_serial_tap() {
         "uart.overrun",
         "uart.break",
         "nobody listened",
+        "the rate was being looked for during the 3.20 s before this",
     ] {
         assert!(live.contains(word), "{word} is in what is compared");
     }
+}
+
+/// That the tap looked for the rate is no loss: nobody has to record again for it.
+#[test]
+fn looking_for_the_rate_loses_nothing() {
+    let script = || -> Vec<Delivery> {
+        let mut script = serial();
+        script.truncate(2);
+        script.push(Box::new(|out| {
+            let start = Moment::from_ns(BEGIN + 4_000_000_000);
+            let cause = LossCause::Sought(3_200_000_000);
+            out.lost(0, Loss { start, count: None, cause });
+        }));
+        script
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let files = Files::new(directory.path(), Ring::default()).unwrap();
+    let mut recorder = Recorder::new(&SourceOptions::default(), files, None).unwrap();
+    let mut source = Reading::new(Script(script()));
+    while let Some(piece) = source.next_piece().unwrap() {
+        recorder.take(&piece).unwrap();
+    }
+    recorder.finish().unwrap();
+    assert!(Summary::of(&recorder, 0).to_string().ends_with("nothing lost"));
+    assert!(!undecoded(&recorder, false).line.contains("loss"));
+    let (live, _) = compare(script, "");
+    assert!(!live.contains("uart.lost"), "{live}");
 }
 
 #[test]

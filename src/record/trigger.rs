@@ -11,7 +11,7 @@ use crate::tally::Tally;
 use crate::verdict::{Cut, Verdict};
 use dissectors::event::{Loss, LossCause, Moment};
 use dissectors::finding::{Code, Finding, Severity, State};
-use dissectors::protocol::{Settings, codes};
+use dissectors::protocol::{Medium, PROTOCOLS, Protocol, Settings, codes_named};
 use dissectors::record::{BusInfo, Record, Sink};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
@@ -40,17 +40,50 @@ impl FromStr for Trigger {
         if let Some(severity) = severities.into_iter().find(|severity| severity.name() == text) {
             return Ok(Trigger::Severity(severity));
         }
-        let code = codes().find(|code| code.name == text);
-        code.map(Trigger::Code).ok_or_else(|| {
-            format!(
+        match codes_named(text)[..] {
+            [code] => Ok(Trigger::Code(code)),
+            [] => Err(format!(
                 "{text} is neither a finding's code nor error, warning or info: `fieldtap explain` \
                  lists the codes"
-            )
-        })
+            )),
+            ref several => {
+                let names: Vec<&str> = several.iter().map(|code| code.name).collect();
+                Err(format!("{text} may be {}", names.join(" or ")))
+            }
+        }
     }
 }
 
 impl Trigger {
+    /// Why no such event can ever come of a bus of this protocol, or on a tap of this medium, where
+    /// they are known.
+    pub fn obstacle(
+        self,
+        protocol: Option<&'static Protocol>,
+        medium: Option<Medium>,
+    ) -> Option<String> {
+        let Trigger::Code(code) = self else { return None };
+        let finders = || PROTOCOLS.into_iter().filter(|protocol| protocol.may_find(code));
+        let owner = finders().next()?;
+        if finders().all(|protocol| protocol.medium == Medium::Words) {
+            return Some(format!("{} is of a ring, and rings are not recorded", code.name));
+        }
+        if let Some(chosen) = protocol.filter(|chosen| !chosen.may_find(code)) {
+            let (name, owner) = (code.name, owner.name);
+            return Some(format!(
+                "{name} is a finding of {owner}, and of --protocol {} it never comes",
+                chosen.name
+            ));
+        }
+        let carries = medium.filter(|medium| finders().all(|it| it.medium != *medium))?.carries();
+        Some(format!("{} never comes on a tap that hears {carries}", code.name))
+    }
+
+    /// Whether no such event can come where the parity of characters is not known.
+    pub fn needs_parity(self) -> bool {
+        matches!(self, Trigger::Code(code) if code.name == "slin.parity")
+    }
+
     /// Whether a finding is such an event. The end of a state is none.
     fn holds(self, finding: &Finding) -> bool {
         let is_end = matches!(finding.state, Some(State::End(_)));
@@ -279,13 +312,45 @@ impl Consumer for Watcher {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dissectors::protocol::codes;
 
     #[test]
     fn a_trigger_is_a_code_or_a_severity() {
         assert_eq!("error".parse(), Ok(Trigger::Severity(Severity::Error)));
         let parity = codes().find(|code| code.name == "slin.parity").unwrap();
         assert_eq!("slin.parity".parse(), Ok(Trigger::Code(parity)));
+        assert_eq!("parity".parse(), Ok(Trigger::Code(parity)));
+        // A severity, though there is an encoder.warning.
+        assert_eq!("warning".parse(), Ok(Trigger::Severity(Severity::Warning)));
+        let several = "position-jump".parse::<Trigger>().unwrap_err();
+        assert!(several.contains("slin.position-jump or interbus.position-jump"), "{several}");
         assert!("slin.nonsense".parse::<Trigger>().is_err_and(|what| what.contains("explain")));
+    }
+
+    #[test]
+    fn what_can_never_come_is_known_beforehand() {
+        let obstacle = |trigger: &str, protocol: &str, medium| {
+            trigger.parse::<Trigger>().unwrap().obstacle(Protocol::named(protocol), medium)
+        };
+        for (trigger, protocol, medium) in [
+            ("slin.parity", "slin", None),
+            ("slin.parity", "auto", Some(Medium::Serial)),
+            ("uart.framing", "slin", Some(Medium::Serial)),
+            ("encoder.alarm", "devicenet", Some(Medium::Can)),
+            ("can.error-frame", "devicenet", None),
+            ("error", "slin", Some(Medium::Can)),
+        ] {
+            assert_eq!(obstacle(trigger, protocol, medium), None);
+        }
+        for (trigger, protocol, medium, why) in [
+            ("encoder.alarm", "slin", None, "a finding of devicenet"),
+            ("slin.parity", "uart", None, "--protocol uart"),
+            ("slin.parity", "auto", Some(Medium::Can), "hears CAN frames"),
+            ("interbus.crc", "auto", None, "rings are not recorded"),
+        ] {
+            let told = obstacle(trigger, protocol, medium);
+            assert!(told.as_ref().is_some_and(|told| told.contains(why)), "{trigger}: {told:?}");
+        }
     }
 
     #[test]

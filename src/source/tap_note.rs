@@ -1,7 +1,7 @@
 //! The comment in which an interface of a packet capture tells what its stamps and marks are
 //! worth: `fieldtap-tap: clock=read pm_ns=16000000 parity=packet format=8E1`.
 
-use dissectors::event::Clock;
+use dissectors::event::{Clock, LossCause};
 use dissectors::uart::{Format, ParityMarks};
 
 const BEGINNING: &str = "fieldtap-tap:";
@@ -10,7 +10,32 @@ const BEGINNING: &str = "fieldtap-tap:";
 pub const LOSS: &str = "fieldtap-loss: ";
 
 /// The comment on a loss because nobody listened.
-pub const DEAF: &str = "fieldtap-loss: nobody listened";
+const DEAF: &str = "fieldtap-loss: nobody listened";
+
+/// The comment on a time of which a recording kept nothing.
+const NOT_KEPT: &str = "fieldtap-loss: not kept";
+
+/// How the comment on a time begins in which the rate was looked for: how long follows, in ns.
+const SOUGHT: &str = "fieldtap-loss: rate looked for, ns ";
+
+/// The comment on a loss, where the format has no room for its cause.
+pub fn of_loss(cause: LossCause) -> Option<String> {
+    match cause {
+        LossCause::Capture | LossCause::Overrun => None,
+        LossCause::Deaf => Some(DEAF.to_owned()),
+        LossCause::NotKept => Some(NOT_KEPT.to_owned()),
+        LossCause::Sought(ns) => Some(format!("{SOUGHT}{ns}")),
+    }
+}
+
+/// The cause that a comment tells; `None` for any other comment.
+pub fn cause_of(comment: &[u8]) -> Option<LossCause> {
+    match std::str::from_utf8(comment).ok()? {
+        DEAF => Some(LossCause::Deaf),
+        NOT_KEPT => Some(LossCause::NotKept),
+        text => text.strip_prefix(SOUGHT)?.parse().ok().map(LossCause::Sought),
+    }
+}
 
 /// What an interface tells about itself. By default, what holds for captures by other programs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -84,6 +109,17 @@ mod tests {
                 has_all_stamps: false,
             })
         );
+    }
+
+    #[test]
+    fn why_something_is_missing_is_read_as_it_was_written() {
+        for cause in [LossCause::Deaf, LossCause::NotKept, LossCause::Sought(3_200_000_000)] {
+            let comment = of_loss(cause).unwrap();
+            assert!(comment.starts_with(LOSS));
+            assert_eq!(cause_of(comment.as_bytes()), Some(cause));
+        }
+        assert_eq!(cause_of(b"fieldtap-loss: rate looked for, ns long"), None);
+        assert_eq!(cause_of(b"nobody listened"), None);
     }
 
     #[test]

@@ -47,6 +47,12 @@ pub fn open(tally: &Tally, pipeline: &Pipeline, cut: Option<Cut>) -> String {
     if let times @ 1.. = buses.iter().map(|bus| bus.counts().deaf).sum() {
         open.push(format!("what was on the line while nobody listened, {times} x"));
     }
+    if let times @ 1.. = buses.iter().map(|bus| bus.counts().not_kept).sum() {
+        open.push(format!("what was on the line while nothing was kept, {times} x"));
+    }
+    if buses.iter().any(|bus| bus.counts().sought > 0) {
+        open.push("what was on the line while its rate was looked for (--baud)".to_owned());
+    }
     if let times @ 1.. = pipeline.steps_back() {
         open.push(format!("times run backwards {times} x"));
     }

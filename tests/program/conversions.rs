@@ -120,6 +120,44 @@ fn several_sources_are_one_stream() {
     assert!(read(&[&parts[0], &parts[1]]) == read(&[&whole]));
 }
 
+/// What is sent to the maker is one file.
+#[test]
+fn several_captures_become_one() {
+    let scratch = Scratch::new();
+    let tape = scratch.path("tape");
+    let capture = here("captures/good/baumer.chars");
+    let ring = ["--ring", "duration=100ms", "-w", argument(&tape)];
+    fieldtap(["record", "-q", argument(&capture)].into_iter().chain(ring)).good();
+    let entries = std::fs::read_dir(&tape).expect("it is there");
+    let mut files: Vec<_> = entries.map(|entry| entry.expect("readable").path()).collect();
+    files.sort();
+    assert!(files.len() > 1, "{files:?}");
+    let bytes = |files: &[std::path::PathBuf]| -> Vec<Vec<u8>> {
+        files.iter().map(|file| std::fs::read(file).expect("it is there")).collect()
+    };
+    let before = bytes(&files);
+    let names = || files.iter().map(|file| argument(file));
+    let one = scratch.path("all.pcapng");
+    fieldtap(["convert"].into_iter().chain(names()).chain([argument(&one)])).good();
+    let read = |more: &mut dyn Iterator<Item = &str>| {
+        fieldtap(["read", "--format", "csv"].into_iter().chain(more)).good().stdout
+    };
+    assert_eq!(read(&mut [argument(&one)].into_iter()), read(&mut names()));
+    // A part of it, by time.
+    let part = scratch.path("part.csv");
+    let cut = ["--from", "0.1", "--to", "0.2", argument(&part)];
+    fieldtap(["convert"].into_iter().chain(names()).chain(cut)).good();
+    let lines = |path: &Path| std::fs::read_to_string(path).expect("written").lines().count();
+    assert!((2..lines(&capture)).contains(&lines(&part)), "{}", lines(&part));
+
+    // Nothing is written over what may be meant to be read.
+    let forgotten = fieldtap(["convert"].into_iter().chain(names()));
+    assert!(forgotten.status == 2 && forgotten.stderr.contains("the last name is where to write"));
+    let two = fieldtap(["convert", argument(&files[0]), argument(&files[1])]);
+    assert_eq!(two.status, 2, "{}", two.stderr);
+    assert!(bytes(&files) == before);
+}
+
 #[test]
 fn what_is_there_is_lost_only_to_a_whole_conversion() {
     let scratch = Scratch::new();

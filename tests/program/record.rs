@@ -232,6 +232,90 @@ fn a_flight_recorder_keeps_what_surrounds_events() {
     }
 }
 
+/// A ring of a flight recorder keeps the files of the last events.
+#[test]
+fn a_ring_keeps_the_last_events() {
+    let scratch = Scratch::new();
+    let directory = scratch.path("tape");
+    let capture = ninety_seconds(&[10, 30, 50, 70]);
+    let arguments = ["record", "-", "--baud", "115200", "--trigger", "slin.parity"];
+    let kept = ["--ring", "files=2", "--before", "3", "--after", "2"];
+    let into = ["-w", argument(&directory)];
+    let arguments = arguments.into_iter().chain(kept).chain(into);
+    let run = fieldtap_fed(arguments, capture.as_bytes()).good();
+    assert!(run.stderr.contains("4 events") && run.stderr.contains("in 4 files"), "{}", run.stderr);
+    let records = read(&files(&directory)).good().records();
+    let bad = records.iter().filter(|record| codes(record).iter().any(|it| it == "slin.parity"));
+    let seconds: Vec<i64> =
+        bad.map(|record| record["time_ns"].as_i64().expect("times") / 1_000_000_000).collect();
+    assert_eq!((files(&directory).len(), seconds), (2, vec![50, 70]));
+}
+
+/// Parity is not known of every port, and no event comes where it is not.
+#[test]
+fn a_trigger_that_waits_for_nothing_is_told_at_the_start() {
+    let scratch = Scratch::new();
+    let capture =
+        fieldtap(["convert", "-q", "captures/good/tr.chars", "-", "--output-format", "chars"]);
+    let unknown = capture.stdout.replace(",ok", ",unknown");
+    for (chars, is_told) in [(&unknown, true), (&capture.stdout, false)] {
+        let tape = scratch.path(&format!("tape-{is_told}"));
+        let bus = scratch.file("bus.chars", chars);
+        let pcapng = scratch.path(&format!("{is_told}.pcapng"));
+        fieldtap(["convert", "-q", argument(&bus), argument(&pcapng)]);
+        let trigger = ["--trigger", "parity", "-w", argument(&tape)];
+        let run = fieldtap(["record", argument(&pcapng)].into_iter().chain(trigger)).good();
+        let told = run.stderr.contains("warning: --trigger slin.parity: the parity");
+        assert_eq!(told, is_told, "{}", run.stderr);
+    }
+}
+
+/// Between two files of a flight recorder is what it let go. Each says so where it begins, and what
+/// comes behind is not compared with what came before: an axis that moved meanwhile did not jump.
+#[test]
+fn files_of_a_flight_recorder_are_joined_without_a_false_word() {
+    let scratch = Scratch::new();
+    let slin = "slin --fault parity=0.001 --motion steady --encoders 2 --pause 20 --duration 120";
+    let devicenet = "devicenet --fault dropped=0.001 --encoders 7 --duration 90";
+    for (bus, ending) in [(slin, "chars"), (devicenet, "log")] {
+        let capture = scratch.path(&format!("bus.{ending}"));
+        let simulated = ["simulate"].into_iter().chain(bus.split(' '));
+        fieldtap(simulated.chain(["-o", argument(&capture)])).good();
+        let tape = scratch.path(&format!("tape-{ending}"));
+        let record = ["record", argument(&capture), "--baud", "115200", "--bitrate", "125k"];
+        let around = ["--trigger", "warning", "--before", "1s", "--after", "1s"];
+        fieldtap(record.into_iter().chain(around).chain(["-w", argument(&tape)])).good();
+        let files = files(&tape);
+        assert!(files.len() > 1, "{bus}: {files:?}");
+        let is_gap = |record: &Value| record["summary"].to_string().contains("nothing was kept");
+        let joined = read(&files);
+        let mut gaps = 0;
+        for file in &files {
+            let records = read(std::slice::from_ref(file)).records();
+            gaps += usize::from(is_gap(&records[0]));
+            assert!(!records[1..].iter().any(is_gap), "{bus}: {file:?}");
+        }
+        // Two that follow each other have nothing between them.
+        assert!(gaps > 2, "{bus}: {gaps} of {files:?}");
+        let records = joined.records();
+        let told: Vec<&Value> = records.iter().filter(|record| is_gap(record)).collect();
+        assert_eq!(told.len(), gaps, "{bus}");
+        assert!(told.iter().all(|gap| gap["kind"] == "lost" && codes(gap).is_empty()));
+        let whole = fieldtap(["read", "--format", "json", argument(&capture)]).records();
+        let found: Vec<String> = records.iter().flat_map(codes).collect();
+        let real: Vec<String> = whole.iter().flat_map(codes).collect();
+        assert!(found.iter().all(|code| real.contains(code)), "{bus}: {found:?}");
+        let open = format!("what was on the line while nothing was kept, {gaps} x");
+        assert!(joined.stderr.contains(&open), "{}", joined.stderr);
+        assert!(ending == "log" || !joined.stderr.contains("loss"), "{}", joined.stderr);
+        // Converted, they are one file that says the same.
+        let one = scratch.path(&format!("one-{ending}.pcapng"));
+        let first = argument(&files[1]);
+        fieldtap(["convert", first, argument(&one), "--bitrate", "125k"]).good();
+        assert!(is_gap(&read(&[one]).records()[0]), "{bus}");
+    }
+}
+
 /// A minute of exchanges, ten a second. Before this one, the clock is set back by an hour.
 const SET_BACK: u64 = 200;
 
@@ -538,7 +622,13 @@ fn what_cannot_be_recorded_is_refused() {
         (&["-", "--trigger", "error", "--before", "-1s"], 2, "-1s is no time such as 30s"),
         (&["-", "--trigger", "error", "--after", "-1s"], 2, "-1s is no time such as 30s"),
         (&["-", "--trigger", "slin.nonsense"], 2, "fieldtap explain"),
+        (&["-", "--trigger", "nonsense"], 2, "nor error, warning or info"),
+        (&["-", "--trigger", "encoder.alarm", "--protocol", "slin"], 2, "--protocol slin"),
+        (&["can:can0", "--trigger", "parity"], 2, "slin.parity never comes"),
+        (&["-", "--trigger", "interbus.crc"], 2, "rings are not recorded"),
         (&["-", "--count", "3"], 2, "keeps everything"),
+        (&["-", "-v"], 2, "--verbose has no effect on a recording"),
+        (&["-", "--words", "hex"], 2, "--words has no effect on a recording"),
         (&["can:can0", "can:can1"], 2, "one live tap"),
     ] {
         let run = fieldtap(["record", "-w", directory].iter().chain(more));
@@ -549,5 +639,10 @@ fn what_cannot_be_recorded_is_refused() {
     }
     let file = scratch.file("file", "");
     let run = fieldtap_fed(["record", "-", "-w", argument(&file)], b"time,byte,parity\n");
+    assert_eq!((run.status, run.stderr.lines().count()), (2, 1), "{}", run.stderr);
+    assert!(run.stderr.contains("is a file: -w wants a folder"), "{}", run.stderr);
+    // Nor can a folder be made in a file.
+    let inside = file.join("tape");
+    let run = fieldtap_fed(["record", "-", "-w", argument(&inside)], b"time,byte,parity\n");
     assert!(run.status == 3 && run.stderr.contains("cannot be written"), "{}", run.stderr);
 }

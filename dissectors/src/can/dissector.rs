@@ -1,7 +1,7 @@
 //! Plain CAN frames: what `--protocol can` shows, and `auto` where nothing speaks for DeviceNet.
 
 use super::{ErrorClasses, ErrorDetail, Frame, FrameKind, Load, Watch, codes};
-use crate::event::{Event, Loss, Moment};
+use crate::event::{Event, Loss, LossCause, Moment};
 use crate::field::{FieldId, Kind, Roles, Value, fields};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Dissector, Medium, Protocol, Speaks};
@@ -247,6 +247,10 @@ pub fn lose(
 ) {
     let nothing = FrameFields::new(None);
     let mut record = Record::new(protocol, FRAME, (bus, wire), &nothing).of_loss(loss);
-    record.findings = if record.is_deaf() { &DEAF } else { &LOST };
+    record.findings = match loss.cause {
+        LossCause::Capture | LossCause::Overrun => &LOST,
+        LossCause::Deaf => &DEAF,
+        LossCause::NotKept | LossCause::Sought(_) => &[],
+    };
     out.emit(record);
 }

@@ -1,7 +1,7 @@
 //! What is judged of every frame, whatever protocol it carries.
 
 use super::{ErrorClasses, ErrorDetail, Frame, FrameKind, Load, codes};
-use crate::event::{Loss, LossCause, Moment};
+use crate::event::{Loss, Moment};
 use crate::finding::Finding;
 use crate::uart::{Baud, Wire};
 use alloc::vec::Vec;
@@ -188,7 +188,7 @@ impl Watch {
     /// What was lost may have been anything.
     pub fn lose(&mut self, loss: &Loss) {
         (self.last, self.repeats) = (None, 0);
-        if loss.cause == LossCause::Deaf {
+        if loss.cause.is_gap() {
             self.load.pause();
         }
     }

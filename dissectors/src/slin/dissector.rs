@@ -6,7 +6,7 @@ use super::ledger::{End, Ledger};
 use super::outlet::Outlet;
 use super::profile::Window;
 use super::word::{Footer, Request, is_control};
-use crate::event::{Event, Moment};
+use crate::event::{Event, LossCause, Moment};
 use crate::finding::Finding;
 use crate::protocol::{Conclusion, Dissector, Settings};
 use crate::record::{BusInfo, Output};
@@ -246,7 +246,11 @@ impl Dissector for Slin {
                 self.pending.extend(self.setup.hear_break(&event, character_ns));
             }
             Event::Lost(loss) => {
-                self.silence_or_cut(loss.start, outlet);
+                match loss.cause {
+                    // It is stamped at its end: what was asked before it may have been answered.
+                    LossCause::NotKept | LossCause::Sought(_) => self.cut(outlet),
+                    _ => self.silence_or_cut(loss.start, outlet),
+                }
                 outlet.loss(&loss);
             }
             Event::Advance(now) => {

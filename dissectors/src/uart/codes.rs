@@ -101,7 +101,6 @@ pub static LOST: Code = Code {
     causes: &[
         "the program that captured could not keep up, was stopped, or the computer's clock was set",
         "nobody listened: the adapter was unplugged or lost its supply, and came back",
-        "a live port was listened to at another rate for a while",
         "the logic analyzer was switched off or its channel was not recorded for a while",
     ],
     next: &[

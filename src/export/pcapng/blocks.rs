@@ -5,7 +5,7 @@ use super::super::forms;
 use super::{can, serial};
 use crate::source::tap_note;
 use dissectors::can::Frame;
-use dissectors::event::{Break, Clock, Loss, LossCause, Moment};
+use dissectors::event::{Break, Clock, Loss, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::BusInfo;
 use dissectors::uart::{Baud, Character, Format, ParityMarks, Wire};
@@ -177,7 +177,7 @@ impl<W: Write> BlockWriter<W> {
         loss: Loss,
         mut comments: Vec<String>,
     ) -> io::Result<()> {
-        comments.extend(note(loss.cause));
+        comments.extend(tap_note::of_loss(loss.cause));
         serial::compose_event(loss.start, serial::event_of(loss.cause), &mut self.data)?;
         self.packet(interface, loss.start, None, 0, Extras { comments, lost: loss.count })
     }
@@ -193,7 +193,7 @@ impl<W: Write> BlockWriter<W> {
         loss: Loss,
         mut comments: Vec<String>,
     ) -> io::Result<()> {
-        comments.extend(note(loss.cause));
+        comments.extend(tap_note::of_loss(loss.cause));
         self.data.clear();
         let lost = Some(loss.count.unwrap_or(u64::MAX));
         self.packet(interface, loss.start, None, LOST_FRAME, Extras { comments, lost })
@@ -296,11 +296,6 @@ pub fn duration(time: Moment) -> io::Result<Duration> {
                 .to_owned(),
         )
     })
-}
-
-/// What is said of a loss that the format has no room for.
-fn note(cause: LossCause) -> Option<String> {
-    (cause == LossCause::Deaf).then(|| tap_note::DEAF.to_owned())
 }
 
 fn clamped(mut text: String) -> String {

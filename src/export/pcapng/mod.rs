@@ -8,7 +8,7 @@ pub use blocks::{BlockWriter, Carries, Extras, Interface, clock_of, runs, unsupp
 pub use serial::marks_for;
 
 use super::Export;
-use dissectors::event::{Loss, LossCause, Moment};
+use dissectors::event::{Loss, Moment};
 use dissectors::protocol::Medium;
 use dissectors::record::{BusInfo, Heard, Record, Sink};
 use dissectors::uart::{Character, Parity, ParityMarks};
@@ -77,9 +77,7 @@ impl<W: Write> PcapNg<W> {
                 let extras = self.extras(bus, event.start, comments);
                 self.writer.line_break(interface, event, extras)?;
             }
-            Heard::Lost(loss)
-                if record.protocol.medium == Medium::Can && loss.cause == LossCause::Deaf =>
-            {
+            Heard::Lost(loss) if record.protocol.medium == Medium::Can && loss.cause.is_gap() => {
                 // No frame follows at once that could tell of it.
                 let at = &mut self.buses[bus];
                 let start = if loss.start.is_known() { loss.start } else { at.last };

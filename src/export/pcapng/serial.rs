@@ -101,8 +101,8 @@ pub fn compose_event(start: Moment, event: u8, data: &mut Vec<u8>) -> io::Result
 /// The event that tells of a loss.
 pub const fn event_of(cause: LossCause) -> u8 {
     match cause {
-        LossCause::Capture | LossCause::Deaf => LOST,
         LossCause::Overrun => OVERFLOW,
+        _ => LOST,
     }
 }
 

@@ -75,7 +75,7 @@ fn packet(
             EPB_DROPCOUNT => {
                 dropped = value.try_into().map(|count| order.u64(count)).ok().or(dropped)
             }
-            COMMENT if value == tap_note::DEAF.as_bytes() => loss_cause = LossCause::Deaf,
+            COMMENT => loss_cause = tap_note::cause_of(value).unwrap_or(loss_cause),
             EPB_FLAGS => direction = value.try_into().ok().and_then(|f| side(order.u32(f))),
             _ => {}
         }

@@ -303,7 +303,9 @@ impl Serial {
         }
         if settled.was_heard {
             let start = Moment::from_ns(now());
-            out.lost(0, Loss { start, count: None, cause: LossCause::Capture });
+            let elsewhere = settled.since.elapsed().saturating_sub(seek::WINDOW);
+            let ns = i64::try_from(elsewhere.as_nanos()).unwrap_or(i64::MAX);
+            out.lost(0, Loss { start, count: None, cause: LossCause::Sought(ns) });
         }
     }
 

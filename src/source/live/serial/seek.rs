@@ -58,7 +58,9 @@ pub struct Settled {
     pub baud: Baud,
     /// What was heard at it, beginning with what was put in the outbox first.
     pub heard: Outbox,
-    /// Whether anything was.
+    /// When it was listened at for the first time.
+    pub since: Instant,
+    /// Whether anything was heard.
     pub was_heard: bool,
     /// The outcome at each rate, in a line.
     pub told: String,
@@ -158,7 +160,8 @@ impl Seek {
             )
         });
         let told = format!("baud {} ({})", trial.baud, outcomes.join("; "));
-        Settled { baud: trial.baud, heard: trial.heard, was_heard, told, warning }
+        let since = trial.since;
+        Settled { baud: trial.baud, heard: trial.heard, since, was_heard, told, warning }
     }
 }
 
