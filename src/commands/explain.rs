@@ -6,7 +6,7 @@ use crate::decode::USAGE;
 use crate::say;
 use clap::Args;
 use dissectors::finding::Code;
-use dissectors::protocol::codes;
+use dissectors::protocol::{codes, codes_named};
 use glossary::{WORDS, Word, word};
 use std::process::ExitCode;
 
@@ -39,8 +39,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 
 /// A code without its protocol, as the last lines say it.
 fn explain_short(name: &str) -> ExitCode {
-    let has = |code: &&Code| code.name.rsplit('.').next() == Some(name);
-    let mut found: Vec<&Code> = codes().filter(has).collect();
+    let mut found = codes_named(name);
     let word = word(name);
     match (word, &found[..]) {
         (Some(word), []) => return super::print(&definition(word)),
