@@ -126,7 +126,7 @@ fn several_captures_become_one() {
     let scratch = Scratch::new();
     let tape = scratch.path("tape");
     let capture = here("captures/good/baumer.chars");
-    let ring = ["--ring", "duration=100ms", "-w", argument(&tape)];
+    let ring = ["--ring", "size=4kB", "-w", argument(&tape)];
     fieldtap(["record", "-q", argument(&capture)].into_iter().chain(ring)).good();
     let entries = std::fs::read_dir(&tape).expect("it is there");
     let mut files: Vec<_> = entries.map(|entry| entry.expect("readable").path()).collect();
