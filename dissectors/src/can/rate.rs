@@ -40,7 +40,8 @@ impl Spacing {
             Stamped::End => this_bits,
         };
         let uncertainty = i64::from(before.uncertainty) + i64::from(this.uncertainty);
-        Some(Spacing { ns, bits: u32::from(bits), uncertainty })
+        // A source may say that a frame has no bits.
+        (bits > 0).then_some(Spacing { ns, bits: u32::from(bits), uncertainty })
     }
 
     /// How much longer it is than the frame at a rate, in percent of that; `None` where the stamps
@@ -167,6 +168,15 @@ mod tests {
             }
             assert_eq!([found(&starts), found(&ends)], [rate, rate]);
         }
+    }
+
+    #[test]
+    fn frames_that_are_said_to_have_no_bits_tell_no_rate() {
+        let mut frames: Vec<Frame> = (0..20).map(|n| frame(n * 384_000, SHORT)).collect();
+        frames.iter_mut().for_each(|frame| {
+            (frame.measured_bits, frame.uncertainty) = (Some(0), 0);
+        });
+        assert_eq!(found(&frames), None);
     }
 
     /// Four slaves are polled every 12 ms at 125 kbit/s, and answer at once or somewhat later; what

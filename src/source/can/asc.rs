@@ -13,10 +13,15 @@ use super::report::{Kind, Report, State};
 use dissectors::can::{Direction, FdFlags, Frame, FrameKind, Identifier, MAX_CLASSIC_DATA};
 use dissectors::event::Moment;
 use std::iter::Peekable;
+use std::ops::RangeInclusive;
 
 // Flags of a CANFD line.
 const REMOTE: u32 = 0x10;
 const FD: u32 = 0x1000;
+
+/// Bits of a frame with the intermission, from 47 without stuffing to 160, and some for how writers
+/// count: what is beyond was not measured. Some write 0.
+const POSSIBLE_BITS: RangeInclusive<u16> = 44..=164;
 
 /// Lines of a log.
 pub struct Asc {
@@ -183,7 +188,9 @@ impl Asc {
             }
         };
         frame.direction = Some(direction);
-        frame.measured_bits = value_of(words, b"BitCount").and_then(|bits| bits.try_into().ok());
+        frame.measured_bits = value_of(words, b"BitCount")
+            .and_then(|bits| bits.try_into().ok())
+            .filter(|bits| POSSIBLE_BITS.contains(bits));
         Said::Frame(name, frame)
     }
 
